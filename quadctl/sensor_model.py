@@ -34,6 +34,8 @@ class SensorModel:
     """Standard deviation of the barometer's samples about what its errors explain."""
     hover_throttle: float | None = None
     """Middle throttle of these flights, 0 to 1."""
+    near_ground_s: tuple[float, ...] = ()
+    """Time of each flight from its lift-off to the height at which the ground's error has faded, s."""
 
     def of(self, name: str) -> FittedError | None:
         """The error called `name`; None where it was not tried."""
@@ -56,6 +58,7 @@ class _SensorFile(Settings):
     logs: list[str] = Field(default_factory=list)
     scatter_m: float | None = Field(None, gt=0.0)
     hover_throttle: float | None = Field(None, gt=0.0, le=1.0)
+    near_ground_s: list[float] = Field(default_factory=list)
 
 
 def is_sensor_file(path: Path) -> bool:
@@ -86,7 +89,8 @@ def load_sensors(path: Path) -> SensorModel:
             raise SettingsError(f"{source}: there is no sensor error '{entry.error}'{hint}")
         error = SENSOR_ERRORS[entry.error].from_values(entry.parameters, source)
         errors.append(FittedError(error, dict(entry.ci95), entry.missing))
-    return SensorModel(tuple(errors), tuple(file.logs), file.scatter_m, file.hover_throttle)
+    near_ground_s = tuple(file.near_ground_s)
+    return SensorModel(tuple(errors), tuple(file.logs), file.scatter_m, file.hover_throttle, near_ground_s)
 
 
 def sensors_to_dict(model: SensorModel) -> dict[str, Any]:
@@ -101,7 +105,9 @@ def sensors_to_dict(model: SensorModel) -> dict[str, Any]:
         for one in model.errors
     ]
     known = {"scatter_m": model.scatter_m, "hover_throttle": model.hover_throttle}
-    return {"sensors": entries, "logs": list(model.logs)} | {k: v for k, v in known.items() if v is not None}
+    known_s = {"near_ground_s": list(model.near_ground_s)} if model.near_ground_s else {}
+    content = {"sensors": entries, "logs": list(model.logs)} | known_s
+    return content | {name: value for name, value in known.items() if value is not None}
 
 
 def save_sensors(model: SensorModel, path: Path) -> None:

@@ -92,6 +92,10 @@ class VehicleState:
     """Standard deviation of the horizontal position, as the estimator states it; nan where it does not."""
     vertical_std_m: float = NAN
     """Standard deviation of the height, as the estimator states it; nan where it does not."""
+    baro_m: float = NAN
+    """Height by the barometer alone, above where it began, m; nan where it is not told."""
+    range_m: float = NAN
+    """Distance to the ground along the body's axis down, m; nan where no range finder tells it."""
     aid_lost: bool = False
     """True when the autopilot had a working source of position (GPS, motion capture) and has none any more."""
     texts: tuple[StatusText, ...] = ()

@@ -34,7 +34,8 @@ def simulate(plan: FlightPlan, log_dir: Path, hidden: Path | None, seed: int) ->
     autopilot = SimulatedAutopilot(plan.body.vehicle, load_hidden(hidden), seed, str(hidden or "hidden truth"))
     pilot = plan.pilot()
     rate_hz = plan.settings.controller.rate_hz
-    recorder = plan.recorder(log_dir, f"simulated {autopilot.name} in lockstep, seed {seed}")
+    told = f"simulated {autopilot.name} in lockstep, seed {seed}"
+    recorder = plan.recorder(log_dir, told, heights=autopilot.estimator.height_sensors is not None)
     tally = Tally(1.0 / rate_hz)
     try:
         fly_lockstep(autopilot, pilot, rate_hz, [recorder, tally])

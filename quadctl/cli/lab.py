@@ -14,7 +14,14 @@ from quadctl.cli.app import app, console
 from quadctl.cli.inputs import find, find_missions
 from quadctl.cli.output import JsonOption, print_saved, write_json
 from quadctl.cli.overwriting import Reads, Writes, WritesInto
-from quadctl.cli.sensors import PlotOption, SensorsOption, compare_sensors, diagnose_sensors, logs_among
+from quadctl.cli.sensors import (
+    PlotOption,
+    SensorsOption,
+    compare_sensors,
+    diagnose_sensors,
+    logs_among,
+    refuse_beside_sensors,
+)
 from quadctl.files import write_text
 from quadctl.logs.formats import CONVERTERS, suffixes
 
@@ -80,6 +87,7 @@ def compare(
     """Compare a model with flights: its acceleration error, where it fails, and the reference error."""
     logs = logs_among(model, logs, sensors)
     if sensors:
+        refuse_beside_sensors(html=html)
         compare_sensors(logs, json_out, plot)
         return
     loaded, data = _model_and_data(model, logs, "blocks")
@@ -118,6 +126,7 @@ def diagnose(
     """Diagnose which physical effects are missing from a model."""
     logs = logs_among(model, logs, sensors)
     if sensors:
+        refuse_beside_sensors(all=everything, html=html, nested=nested, save_expression=expression)
         diagnose_sensors(logs, json_out, plot, output)
         return
     from joblib import parallel_config

@@ -41,13 +41,27 @@ def logs_among(first: Path, others: Sequence[Path] | None, sensors: bool) -> lis
     return logs
 
 
+def refuse_beside_sensors(**given: object) -> None:
+    """Refuse options that say something of a motion, by their names.
+
+    Raises
+    ------
+    BadParameter
+        One of them is given.
+    """
+    for name, value in given.items():
+        if value:
+            option = f"--{name.replace('_', '-')}"
+            raise typer.BadParameter(f"{option} is of a diagnosis of the motion, expected none with --sensors")
+
+
 def compare_sensors(logs: Sequence[Path], json_out: Path | None, plot: Path | None) -> None:
     """Print where the barometer fails."""
     from quadctl.lab.sensors.comparison import compare_sensor
     from quadctl.lab.sensors.words import REFERENCES, comparison_table
     from quadctl.logs.read import read_logs
 
-    flights = _flights(read_logs(list(logs)))
+    flights = _flights(read_logs(list(logs)), json_out)
     compared = compare_sensor(flights)
     by = ", ".join(dict.fromkeys(REFERENCES[flight.reference] for flight in flights))
     _say(f"The {compared.sensor} differs from {by} by {100.0 * compared.rms_m:.1f} cm, its level left out.")
@@ -65,7 +79,7 @@ def diagnose_sensors(logs: Sequence[Path], json_out: Path | None, plot: Path | N
     from quadctl.sensor_model import save_sensors
 
     read = read_logs(list(logs))
-    flights = _flights(read)
+    flights = _flights(read, json_out)
     beside = [known for log in read if isinstance(known := heights(log, "rangefinder"), Heights)]
     with console.status("diagnosing"):
         found = diagnose_sensor(flights)
@@ -82,19 +96,30 @@ def diagnose_sensors(logs: Sequence[Path], json_out: Path | None, plot: Path | N
     _draw(plot, flights, tuple(one.error for one in found.missing))
 
 
-def _flights(logs: "Sequence[FlightLog]") -> "list[Heights]":
-    from quadctl.lab.sensors.heights import NoReference, heights
-    from quadctl.lab.sensors.words import MISSING_REFERENCE
+def _flights(logs: "Sequence[FlightLog]", json_out: Path | None) -> "list[Heights]":
+    """The barometer of each log beside its reference; those without one are said.
 
-    found = []
-    for log in logs:
-        if not log.has("baro_m"):
-            raise LogError(f"{log.name}: holds no barometer (baro_m), expected one")
-        known = heights(log, "barometer")
-        if isinstance(known, NoReference):
-            raise LogError(f"{log.name}: nothing tells the barometer's error: {MISSING_REFERENCE[known]}")
-        found.append(known)
-    return found
+    Raises
+    ------
+    LogError
+        A log has no barometer, or none has a reference: then the JSON file says what they need.
+    """
+    from quadctl.lab.sensors.diagnosis import Untold
+    from quadctl.lab.sensors.heights import Heights, heights
+    from quadctl.lab.sensors.words import untold
+
+    lacking = [log.name for log in logs if not log.has("baro_m")]
+    if lacking:
+        raise LogError(f"{lacking[0]}: holds no barometer (baro_m), expected one")
+    found = [(log.name, heights(log, "barometer")) for log in logs]
+    known = [each for _, each in found if isinstance(each, Heights)]
+    without = Untold("barometer", tuple((name, each) for name, each in found if not isinstance(each, Heights)))
+    if not known:
+        write_json(json_out, {"sensors": [without.to_dict()]})
+        raise LogError("; ".join(untold(without)))
+    for sentence in untold(without):
+        _say(f"Left out is {sentence}")
+    return known
 
 
 def _draw(plot: Path | None, flights: "Sequence[Heights]", errors: "Sequence[SensorError]") -> None:

@@ -23,7 +23,7 @@ class LinearMoment(Effect):
     per m/s, or -13 and 16 rad/s^2 per m/s.
     """
 
-    name: ClassVar[str] = "airspeed_moment.linear"
+    name: ClassVar[str] = "airspeed_moment.proportional"
     source: ClassVar[str] = "hub force and flapping moment, first order: Mahony, Kumar & Corke 2012, eq. 12-15, r x F"
     formula: ClassVar[str] = r"M = T \, (\mathrm{roll} \, v, \mathrm{pitch} \, u, 0)"
     depends_on: ClassVar[tuple[str, ...]] = ("speed_forward", "speed_right")

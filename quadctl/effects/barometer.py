@@ -4,6 +4,7 @@ The height error of a pressure error dp is -dp / (rho g), and a static port errs
 rho v^2 / 2: the density drops out.
 """
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import ClassVar
@@ -21,6 +22,8 @@ SPEED_M_S, STEEP_M, DRIVE = 1.5, 0.5, 0.05
 """Spans that show an error: speed through the air, height near the ground, share of thrust."""
 LOW_M = 1.0
 """Height below which the error of the ground shows."""
+FADED_M = 0.05
+"""Error that is left at the height up to which an autopilot expects the ground's effect."""
 
 
 @dataclass(frozen=True)
@@ -71,6 +74,11 @@ class GroundError(SensorError):
 
     at_ground_m: float = parameter(0.0, -10.0, 10.0, "m", "error at the ground in hover")
     fade_m: float = parameter(0.4, 0.02, 5.0, "m", "height over which it falls to 1/e")
+
+    @property
+    def faded_at_m(self) -> float:
+        """Height above which less than FADED_M of the error in hover is left."""
+        return self.fade_m * math.log(max(abs(self.at_ground_m) / FADED_M, 1.0))
 
     @classmethod
     def unshown(cls, flights: Sequence[SensorConditions]) -> str:

@@ -4,7 +4,7 @@ import math
 from collections.abc import Mapping
 from typing import NamedTuple
 
-from quadctl.effects.barometer import RUNS, AirspeedError, GroundError, ThrottleError
+from quadctl.effects.barometer import FADED_M, RUNS, AirspeedError, GroundError, ThrottleError
 from quadctl.export.autopilot import SEA_LEVEL_DENSITY_KG_M3, Dialect, Present, Row
 from quadctl.export.estimate import Estimate
 from quadctl.frames import GRAVITY_M_S2
@@ -12,8 +12,8 @@ from quadctl.sensor_model import FittedError, SensorModel
 
 MATTERS = 0.05
 """Half width of an interval about zero within which a coefficient is known to be of no matter."""
-FADED_M = 0.05
-"""Error that is left at the height up to which an autopilot expects the ground's effect."""
+LONGEST_HOLD_S = 5.0
+"""Longest time for which ArduPilot expects the effect of the ground after a lift-off."""
 INDEPENDENT = 50.0
 """Independent readings that a standard deviation stands on: its wander makes neighbours alike."""
 FLY = f"fly {RUNS}, and diagnose it"
@@ -34,6 +34,8 @@ class SensorDialect(NamedTuple):
     """Depth, m, of readings below the true height that are left out near the ground; empty where it has none."""
     dead_band_height: str
     """Height, m, up to which the effect of the ground is expected."""
+    dead_band_time: str
+    """Time, s, after lift-off for which it is expected whatever the estimated height; empty where there is none."""
     noise: str
     """Standard deviation of the barometer, m; empty where it is none of the sensor."""
 
@@ -52,6 +54,7 @@ BAROMETERS: dict[str, SensorDialect] = {
         throttle="",
         dead_band="EKF2_GND_EFF_DZ",
         dead_band_height="EKF2_GND_MAX_HGT",
+        dead_band_time="",
         noise="EKF2_BARO_NOISE",
     ),
     # The names of the last two are against what they do: UP acts when the vehicle descends (Copter 4.7).
@@ -69,6 +72,7 @@ BAROMETERS: dict[str, SensorDialect] = {
         throttle="BARO1_THST_SCALE",
         dead_band="",
         dead_band_height="GNDEFF_ALT",
+        dead_band_time="GNDEFF_TMO",  # at most 5 s (AP_GroundEffect.cpp)
         noise="",
     ),
 }
@@ -91,7 +95,8 @@ def sensor_rows(model: SensorModel, dialect: Dialect, present: Present | None = 
 def needed(dialect: Dialect) -> tuple[str, ...]:
     """Parameters whose present values an export of sensors asks for."""
     names = BAROMETERS[dialect.name]
-    others = (names.switch, names.throttle, names.dead_band, names.dead_band_height, names.noise)
+    of_ground = names.dead_band, names.dead_band_height, names.dead_band_time
+    others = (names.switch, names.throttle, *of_ground, names.noise)
     return (*names.airspeed, *(name for name in others if name))
 
 
@@ -173,19 +178,17 @@ def _throttle(name: str, model: SensorModel) -> Row:
 
 
 def _ground(names: SensorDialect, model: SensorModel) -> list[Row]:
-    """Dead-band and height of the ground's effect, where the autopilot has them."""
+    """Dead-band, height and time of the ground's effect, where the autopilot has them."""
     rows = [Row(names.dead_band, "depth of the error at the ground, m")] if names.dead_band else []
     height = Row(names.dead_band_height, f"height above which less than {FADED_M:g} m of the ground's error is left, m")
+    hold = [Row(names.dead_band_time, "time from lift-off to that height, s")] if names.dead_band_time else []
     one = _fitted(model, GroundError.name)
     if isinstance(one, str):
-        return [row._replace(lacking=one) for row in (*rows, height)]
+        return [row._replace(lacking=one) for row in (*rows, height, *hold)]
     found, fade_m = _estimate(one, "at_ground_m"), one.error.values()["fade_m"]
-
-    def faded_at(error_m: float) -> float:
-        return fade_m * math.log(max(abs(error_m) / FADED_M, 1.0))
-
-    ends = sorted((faded_at(found.low), faded_at(found.high)))
-    up_to = height._replace(estimate=Estimate(faded_at(found.value), *ends), logs=model.logs)
+    heights = [GroundError(error_m, fade_m).faded_at_m for error_m in found]
+    up_to = height._replace(estimate=Estimate(heights[0], *sorted(heights[1:])), logs=model.logs)
+    hold = [_hold(row, model) for row in hold]
     if found.value > 0.0 and rows:
         reads = (
             f"near the ground the barometer reads up to {found.value:.2g} m too high, and the dead-band is for too low"
@@ -194,7 +197,19 @@ def _ground(names: SensorDialect, model: SensorModel) -> list[Row]:
     return [
         *(row._replace(estimate=Estimate(-found.value, -found.high, -found.low), logs=model.logs) for row in rows),
         up_to,
+        *hold,
     ]
+
+
+def _hold(row: Row, model: SensorModel) -> Row:
+    if not model.near_ground_s:
+        return row._replace(lacking="the logs do not tell how long the vehicle was near the ground after lift-off")
+    shortest, longest = min(model.near_ground_s), max(model.near_ground_s)
+    if longest > LONGEST_HOLD_S:
+        longer = f"it took {longest:.1f} s, and the firmware waits for at most {LONGEST_HOLD_S:g} s: take off faster"
+        return row._replace(lacking=longer)
+    note = "the longest of these flights: a slower take-off needs more"
+    return row._replace(estimate=Estimate(longest, shortest, longest), logs=model.logs, note=note)
 
 
 def _noise(name: str, model: SensorModel) -> Row:

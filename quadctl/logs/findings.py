@@ -80,6 +80,7 @@ class Kind(StrEnum):
     LEVER_ARM = "lever_arm"
     LEVEL_STEP = "level_step"
     WITNESSES_DISAGREE = "witnesses_disagree"
+    HEIGHT_ERROR = "height_error"
     # --- channels against each other ---
     ANOTHER_FACTOR = "another_factor"
     SWAPPED = "swapped"

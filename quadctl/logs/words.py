@@ -299,6 +299,16 @@ def _disagree(figures: _Figures, _: Sequence[Span]) -> str:
     )
 
 
+def _height_error(figures: _Figures, _: Sequence[Span]) -> str:
+    witness = {"imu": "the accelerometer", "thrust": "thrust and attitude"}[figures["witness"]]
+    return (
+        f"the estimated height errs with the square of the speed, by up to {figures['largest_m']:.2g} m, as that of a "
+        f"barometer does in moving air, and the climb rate with it ({figures['difference_m_s2']:.2g} m/s^2 beyond "
+        f"{witness}): this is taken away; `quadctl diagnose --sensors` tells its coefficients, with a range finder or "
+        "GPS's climb rate"
+    )
+
+
 CUT_SHORT = {
     "message": "the last message is cut short and was left out",
     "file": "the file ends in the middle, as after a crash: what is whole was read",
@@ -423,6 +433,7 @@ WORDS: dict[Kind, _Words] = {
         f"slipped; what is {f['left_out']} is left out"
     ),
     Kind.WITNESSES_DISAGREE: _disagree,
+    Kind.HEIGHT_ERROR: _height_error,
     Kind.ANOTHER_FACTOR: _another_factor,
     Kind.SWAPPED: _swapped,
     Kind.LEANS: (

@@ -12,10 +12,10 @@ from quadctl.errors import SettingsError
 from quadctl.frames import GRAVITY_M_S2, multiply, quaternion_from_euler, rotate
 from quadctl.sitl.vehicle.body import STEP_S, SimulatedBody
 from quadctl.sitl.vehicle.estimator import Estimator
-from quadctl.sitl.vehicle.hidden import HiddenTruth, true_model
+from quadctl.sitl.vehicle.hidden import HiddenTruth, height_sensors, true_model
 from quadctl.sitl.vehicle.inner_loops import PX4, Gains, InnerLoops, level_with_yaw
 from quadctl.sitl.vehicle.position_loop import AxisGains, PositionLaw, PositionLoop
-from quadctl.state import AttitudeTarget, Quat, Setpoint, Vec3, VehicleState
+from quadctl.state import NAN, AttitudeTarget, Quat, Setpoint, Vec3, VehicleState
 from quadctl.vehicle import Vehicle
 
 STREAM_AGE_S = 0.5
@@ -79,8 +79,10 @@ class SimulatedAutopilot:
     def __init__(self, vehicle: Vehicle, truth: HiddenTruth | None = None, seed: int = 0, source: str = "") -> None:
         truth = truth or HiddenTruth()
         self.vehicle = vehicle
-        self.body = SimulatedBody(true_model(vehicle, truth, source), ground=truth.ground)
-        self.estimator = Estimator(truth.noise, truth.telemetry, seed)
+        world = true_model(vehicle, truth, source)
+        self.body = SimulatedBody(world, ground=truth.ground)
+        sensors = height_sensors(vehicle, truth, world, source, seed)
+        self.estimator = Estimator(truth.noise, truth.telemetry, seed, sensors)
         self.loops = InnerLoops(vehicle, truth.autopilot.attitude, self.gains(vehicle))
         self.mode = self.first_mode
         self.armed = False
@@ -288,6 +290,8 @@ class SimulatedAutopilot:
             estimator_ok=self._trusts_estimate,
             horizontal_std_m=e.horizontal_std_m,
             vertical_std_m=e.vertical_std_m,
+            baro_m=NAN if e.height_sensors is None else e.height_sensors.baro_m,
+            range_m=NAN if e.height_sensors is None else e.height_sensors.range_m,
             aid_lost=e.unaided_s(now) > self.aid_timeout_s,
             connected=True,
             received_s={

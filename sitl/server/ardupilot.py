@@ -31,6 +31,7 @@ class MavlinkArduPilot(MavlinkMock):
                 mavlink.MAVLINK_MSG_ID_SCALED_PRESSURE: Stream(
                     messages.scaled_pressure(AIR.pressure_pa, AIR.ground_temperature_c), 0.0, "position"
                 ),
+                mavlink.MAVLINK_MSG_ID_DISTANCE_SENSOR: Stream(messages.distance_sensor, 0.0, "position"),
                 mavlink.MAVLINK_MSG_ID_GLOBAL_POSITION_INT: Stream(
                     messages.global_position(AIR.altitude_m), 0.0, "position"
                 ),

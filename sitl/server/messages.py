@@ -6,9 +6,10 @@ from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from quadctl.frames import euler_from_quaternion
+from quadctl.frames import GRAVITY_M_S2, euler_from_quaternion
 from quadctl.sitl.server import dialect
 from quadctl.state import VehicleState
+from quadctl.thrust_chain.atmosphere import GAS_CONSTANT_J_KG_K
 
 Message = Any
 Builder = Callable[[VehicleState], Iterator[Message]]
@@ -76,13 +77,32 @@ def servo_output_raw(pulse_us: Callable[[float], float]) -> Builder:
 
 
 def scaled_pressure(pressure_pa: float, temperature_c: float) -> Builder:
-    """Builder of SCALED_PRESSURE, for air that does not change."""
+    """Builder of SCALED_PRESSURE, for air that does not change: that of the ground, or of the barometer's height."""
 
     def build(estimate: VehicleState) -> Iterator[Message]:
         temperature = round(100.0 * temperature_c)
-        yield mavlink.MAVLink_scaled_pressure_message(_boot_ms(estimate), 0.01 * pressure_pa, 0.0, temperature)
+        height_m = estimate.baro_m if math.isfinite(estimate.baro_m) else 0.0
+        read_pa = pressure_pa * math.exp(-height_m * GRAVITY_M_S2 / (GAS_CONSTANT_J_KG_K * (temperature_c + 273.15)))
+        yield mavlink.MAVLink_scaled_pressure_message(_boot_ms(estimate), 0.01 * read_pa, 0.0, temperature)
 
     return build
+
+
+def altitude(estimate: VehicleState) -> Iterator[Message]:
+    """ALTITUDE, whose monotonic height is that of the barometer alone; no message where there is none."""
+    if math.isfinite(estimate.baro_m):
+        height_m = -estimate.position_ned_m[2]
+        yield mavlink.MAVLink_altitude_message(
+            1000 * _boot_ms(estimate), estimate.baro_m, height_m, height_m, height_m, estimate.range_m, math.nan
+        )
+
+
+def distance_sensor(estimate: VehicleState) -> Iterator[Message]:
+    """DISTANCE_SENSOR of a range finder that looks down; no message where it sees nothing."""
+    if math.isfinite(estimate.range_m):
+        kind, down = mavlink.MAV_DISTANCE_SENSOR_LASER, mavlink.MAV_SENSOR_ROTATION_PITCH_270
+        distance_cm = round(100.0 * estimate.range_m)
+        yield mavlink.MAVLink_distance_sensor_message(_boot_ms(estimate), 1, 1000, distance_cm, kind, 0, down, 255)
 
 
 def global_position(ground_m: float) -> Builder:

@@ -90,6 +90,8 @@ class MavlinkPx4(MavlinkMock):
                 mavlink.MAVLINK_MSG_ID_BATTERY_STATUS: Stream(messages.battery_status, 0.5, "battery"),
                 mavlink.MAVLINK_MSG_ID_TIMESYNC: Stream(messages.timesync, 10.0, "heartbeat"),
                 mavlink.MAVLINK_MSG_ID_EXTENDED_SYS_STATE: Stream(messages.extended_sys_state, 5.0, "heartbeat"),
+                mavlink.MAVLINK_MSG_ID_ALTITUDE: Stream(messages.altitude, 10.0, "position"),
+                mavlink.MAVLINK_MSG_ID_DISTANCE_SENSOR: Stream(messages.distance_sensor, 10.0, "position"),
             },
             unknown_interval=mavlink.MAV_RESULT_FAILED,
             refusal=mavlink.MAV_RESULT_TEMPORARILY_REJECTED,

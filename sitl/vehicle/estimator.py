@@ -7,6 +7,7 @@ from collections.abc import Callable
 
 from quadctl.frames import multiply, quaternion_from_euler
 from quadctl.sitl.vehicle.body import Motion
+from quadctl.sitl.vehicle.height_sensors import HeightSensors
 from quadctl.sitl.vehicle.hidden import Noise, Telemetry
 from quadctl.state import NAN, Quat, Vec3
 
@@ -45,8 +46,12 @@ class Estimator:
     The power side (rotor speeds, battery) has a rate and a delay of its own.
     """
 
-    def __init__(self, noise: Noise, telemetry: Telemetry, seed: int) -> None:
+    def __init__(
+        self, noise: Noise, telemetry: Telemetry, seed: int, height_sensors: HeightSensors | None = None
+    ) -> None:
         self._noise = noise
+        self.height_sensors = height_sensors
+        """Barometer and range finder; None: the height is known without them."""
         self._telemetry = telemetry
         self._random = random.Random(seed)
         self._past: deque[Motion] = deque()
@@ -121,10 +126,19 @@ class Estimator:
         off_m = 0.5 * off_m_s * unaided_s
         self.position = (x + dx + off_m + gauss(s), y + dy + gauss(s), z - self.height_step_m + dz + gauss(s))
         self.velocity = (vx + off_m_s + north + gauss(v), vy + east + gauss(v), vz - up + gauss(v))
+        if self.height_sensors is not None:
+            self._lean_on_barometer(self.height_sensors, motion)
         self.rates = (p + gauss(w), q + gauss(w), r + gauss(w))
         error = quaternion_from_euler(roll + gauss(angle), pitch + gauss(angle), yaw + gauss(angle))
         self.attitude = multiply(motion.attitude, error)
         self.updated_s = now
+
+    def _lean_on_barometer(self, sensors: HeightSensors, motion: Motion) -> None:
+        """Read the sensors of the height, and add the error with which the estimate follows the barometer."""
+        sensors.update(motion, UPDATE_S)
+        (x, y, z), (vx, vy, vz) = self.position, self.velocity
+        self.position = (x, y, z - sensors.height_error_m)
+        self.velocity = (vx, vy, vz - sensors.climb_error_m_s)
 
     def _gauss(self, sigma: float) -> float:
         return self._random.gauss(0.0, sigma) if sigma > 0.0 else 0.0

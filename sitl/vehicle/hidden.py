@@ -11,10 +11,13 @@ from typing import ClassVar
 from pydantic import Field, NonNegativeFloat
 
 from quadctl.effects import Conditions, Effect, ThrustRatio, catalog_with, find_effect, parameter
+from quadctl.effects.sensors import SENSOR_ERRORS
+from quadctl.effects.wind import SteadyWind
 from quadctl.errors import SettingsError
 from quadctl.model import EffectEntry, Model, StackedEffect, model_from_dict
 from quadctl.numeric import Number, maximum
 from quadctl.settings import Settings, read_yaml, validate
+from quadctl.sitl.vehicle.height_sensors import Barometer, HeightSensors, RangeFinder
 from quadctl.surfaces import Place
 from quadctl.vehicle import AxisResponse, Vehicle
 
@@ -72,6 +75,7 @@ class HiddenTruth(Settings):
     """Content of the file of `simulate --hidden FILE`."""
 
     effects: list[EffectEntry] = Field(default_factory=list)
+    """Forces and moments, and errors of the barometer and the range finder, by their names."""
     effect_files: list[Path] = Field(default_factory=list)
     """Python files with a user's own effects."""
     ground: Place | None = None
@@ -79,6 +83,9 @@ class HiddenTruth(Settings):
     noise: Noise = Noise()
     telemetry: Telemetry = Telemetry()
     autopilot: AutopilotTruth = AutopilotTruth()
+    barometer: Barometer | None = None
+    """Its noise, and how the estimate follows it. None: it has none, unless `effects` give it errors."""
+    range_finder: RangeFinder | None = None
 
 
 @dataclass(frozen=True)
@@ -122,9 +129,28 @@ def true_model(vehicle: Vehicle, truth: HiddenTruth, source: str) -> Model:
     known = catalog_with(truth.effect_files)
     stack = []
     for entry in truth.effects:
+        if entry.effect in SENSOR_ERRORS:
+            continue
         kind = HIDDEN_EFFECTS.get(entry.effect) or find_effect(entry.effect, source, known)
         effect = kind.from_values(entry.parameters, source)
         if problem := effect.mismatch(vehicle):
             raise SettingsError(f"{source}: {problem}")
         stack.append(StackedEffect(effect))
     return Model(vehicle, tuple(stack), name="truth")
+
+
+def height_sensors(vehicle: Vehicle, truth: HiddenTruth, model: Model, source: str, seed: int) -> HeightSensors | None:
+    """The sensors of the height in the world of `model`; None where the truth asks for none.
+
+    Raises
+    ------
+    SettingsError
+        An error of a sensor has a parameter that it does not know, or one out of bounds.
+    """
+    entries = [entry for entry in truth.effects if entry.effect in SENSOR_ERRORS]
+    if not entries and truth.barometer is None and truth.range_finder is None:
+        return None
+    errors = [SENSOR_ERRORS[entry.effect].from_values(entry.parameters, source) for entry in entries]
+    winds = [(effect.north_m_s, effect.east_m_s) for effect in model.effects if isinstance(effect, SteadyWind)]
+    wind = winds[0] if winds else (0.0, 0.0)
+    return HeightSensors(vehicle, errors, truth.barometer or Barometer(), truth.range_finder, wind, seed)

@@ -40,8 +40,9 @@ class FlightPlan(NamedTuple):
         compensator = Compensator(self.compensator, self.settings.compensator_limits, self.mission.place)
         return Pilot(self.mission, self.body, self.settings, compensator, autopilot_takes_off, autopilot_stays_up)
 
-    def recorder(self, log_dir: Path, autopilot: str, real_time: Sequence[str] = ()) -> Recorder:
-        """Recorder of this flight; `real_time` names the means that keep the ticks of a real flight punctual."""
+    def recorder(self, log_dir: Path, autopilot: str, real_time: Sequence[str] = (), heights: bool = False) -> Recorder:
+        """Recorder of this flight; `real_time` names the means that keep the ticks of a real flight punctual, with
+        `heights` the sensors of the height are written, too."""
         vehicle = self.body.vehicle
         meta: dict[str, Any] = {
             "mission": self.mission.name,
@@ -59,7 +60,7 @@ class FlightPlan(NamedTuple):
         if self.mission.place is not None:
             meta |= self.mission.place.model_dump(mode="json")
         lateral = self.settings.controller.actuation == "full"
-        return Recorder(log_dir, self.mission.name, vehicle.n_rotors, meta, lateral)
+        return Recorder(log_dir, self.mission.name, vehicle.n_rotors, meta, lateral, heights)
 
 
 def read_flight(

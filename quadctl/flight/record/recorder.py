@@ -40,12 +40,15 @@ SYNC_EVERY_S = 0.5
 ROOM_BYTES = 256 * 1024
 """Room on the disk that is kept for the end of the flight, with all its events."""
 CLOSE_TIMEOUT_S = 10.0
+RECORDED_HEIGHTS = ("baro_m", "range_m")
+"""Columns of the sensors of the height that a flight of our own knows."""
 _NO_EULER = (NAN, NAN, NAN)
 _NO_LATERAL = (NAN, NAN)
 
 
-def header(n_rotors: int, lateral: bool = False) -> list[str]:
-    """Column names of a recorded flight; with `lateral`, of one that commands lateral force."""
+def header(n_rotors: int, lateral: bool = False, heights: bool = False) -> list[str]:
+    """Column names of a recorded flight; with `lateral`, of one that commands lateral force, with `heights`, of one
+    whose barometer and range finder are told."""
     return [
         *STATE_COLUMNS,
         *rpm_columns(n_rotors),
@@ -60,11 +63,12 @@ def header(n_rotors: int, lateral: bool = False) -> list[str]:
         *LOOP_COLUMNS,
         *(LATERAL_COLUMNS if lateral else ()),
         *RESIDUAL_COLUMNS,
+        *(RECORDED_HEIGHTS if heights else ()),
         PHASE_COLUMN,
     ]
 
 
-def row(tick: Tick, n_rotors: int, lateral: bool = False) -> list[float | str]:
+def row(tick: Tick, n_rotors: int, lateral: bool = False, heights: bool = False) -> list[float | str]:
     """One tick as the values of `header`."""
     s = tick.state
     north, east, down = s.position_ned_m
@@ -100,16 +104,25 @@ def row(tick: Tick, n_rotors: int, lateral: bool = False) -> list[float | str]:
         values += (tick.output and tick.output.lateral_n) or _NO_LATERAL
         values += (tick.target and tick.target.lateral) or _NO_LATERAL
     residual_north, residual_east, residual_down = tick.model_error.ned_m_s2
-    return [*values, *tick.model_error.body_m_s2, residual_north, residual_east, -residual_down, tick.phase]
+    values += [*tick.model_error.body_m_s2, residual_north, residual_east, -residual_down]
+    if heights:
+        values += [s.baro_m, s.range_m]
+    return [*values, tick.phase]
 
 
 class Recorder:
     """Writes `<directory>/<time>_<mission>.csv` and its `.meta.yaml`."""
 
     def __init__(
-        self, directory: Path, mission: str, n_rotors: int, meta: Mapping[str, Any], lateral: bool = False
+        self,
+        directory: Path,
+        mission: str,
+        n_rotors: int,
+        meta: Mapping[str, Any],
+        lateral: bool = False,
+        heights: bool = False,
     ) -> None:
-        """Open the files; `lateral`: the flight commands lateral force.
+        """Open the files; `lateral`: the flight commands lateral force; `heights`: its barometer is told.
 
         Raises
         ------
@@ -118,6 +131,7 @@ class Recorder:
         """
         self._n_rotors = n_rotors
         self._lateral = lateral
+        self._heights = heights
         self._meta = {
             "software": f"quadctl {__version__}",
             "started": datetime.now(UTC).isoformat(timespec="seconds"),
@@ -135,7 +149,7 @@ class Recorder:
             self._room = self.meta_path.with_suffix(".room")
             _reserve(self._room, ROOM_BYTES)
             self._write_meta("in flight")
-            self._file.write(",".join(header(n_rotors, lateral)) + "\n")
+            self._file.write(",".join(header(n_rotors, lateral, heights)) + "\n")
             self._file.flush()
         except OSError as error:
             self._leave_room()
@@ -188,7 +202,7 @@ class Recorder:
                     self._closing = True
                     break
                 self._note(tick)  # first: its row may be the one that finds the disk full
-                file.write(",".join(map(_text, row(tick, self._n_rotors, self._lateral))) + "\n")
+                file.write(",".join(map(_text, row(tick, self._n_rotors, self._lateral, self._heights))) + "\n")
                 if tick.events:
                     _sync(file)  # the rows that led to it
                     self._write_meta("in flight")

@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from quadctl.effects.sensor_error import SensorError
 from quadctl.lab.arrays import Floats
 from quadctl.lab.sensors.heights import Heights
 
@@ -23,6 +24,26 @@ LEAST = 6
 """Least number of rows of a bin."""
 INDEPENDENT = 4.0
 """Rows that tell as much as one: the scatter is correlated."""
+
+
+UNITS = {"height": "m", "speed forward": "m/s", "speed right": "m/s", "climb": "m/s", "thrust": "", "temperature": "K"}
+"""Units of the variables; the thrust is a share of that in hover."""
+CURVE_BINS, CURVE_LEAST = 14, 4
+"""Number of bins of a curve, and least number of rows of one."""
+SPANS = 0.02
+"""Least range of a variable over which a curve says something, in its unit."""
+
+
+class Curve(NamedTuple):
+    """Difference of a sensor from its reference over one variable."""
+
+    value: Floats
+    """The variable, shape (n,)."""
+    difference_m: Floats
+    """Shape (n,)."""
+    middle: Floats
+    mean_m: Floats
+    """Median of the variable and mean of the difference in each bin."""
 
 
 class Bin(NamedTuple):
@@ -72,6 +93,27 @@ def variables(flight: Heights) -> dict[str, Floats]:
         "thrust": flight.thrust_share,
         "temperature": flight.temperature_k,
     }
+
+
+def flown(flights: Sequence[Heights]) -> list[str]:
+    """Variables that change in these flights, in the order of EDGES."""
+    by_flight = [variables(flight) for flight in flights]
+    return [name for name in EDGES if np.ptp(np.concatenate([each[name] for each in by_flight])) > SPANS]
+
+
+def over(flights: Sequence[Heights], errors: Sequence[SensorError], variable: str) -> Curve:
+    """The difference over one variable, with `errors` taken away."""
+    value = np.concatenate([variables(flight)[variable] for flight in flights])
+    taken = [
+        flight.difference_m - sum(np.asarray(e.error_m(flight.conditions(flight.wind_ne_m_s))) for e in errors)
+        for flight in flights
+    ]
+    difference = np.concatenate([each - np.median(each) for each in taken])
+    edges = np.linspace(value.min(), value.max(), CURVE_BINS + 1)
+    number = np.clip(np.searchsorted(edges, value, side="right") - 1, 0, CURVE_BINS - 1)
+    bins = [number == i for i in range(CURVE_BINS) if np.count_nonzero(number == i) >= CURVE_LEAST]
+    middle = np.array([np.median(value[rows]) for rows in bins])
+    return Curve(value, difference, middle, np.array([np.mean(difference[rows]) for rows in bins]))
 
 
 def compare_sensor(flights: Sequence[Heights]) -> SensorComparison:

@@ -9,11 +9,12 @@ from typing import Any, NamedTuple
 import numpy as np
 from scipy.stats import chi2
 
+from quadctl.effects.barometer import GroundError
 from quadctl.effects.sensor_error import SensorError
 from quadctl.effects.sensors import SENSOR_ERRORS
 from quadctl.errors import LogError
 from quadctl.lab.arrays import Floats
-from quadctl.lab.sensors.heights import READINGS, Heights
+from quadctl.lab.sensors.heights import READINGS, Heights, NoReference, Reference
 from quadctl.lab.sensors.wander import Estimate, Noise, Rows, estimate, learned, stacked
 from quadctl.logs.contradictions import MAX_FACTOR
 from quadctl.sensor_model import FittedError, SensorModel
@@ -37,6 +38,8 @@ class Verdict(StrEnum):
 
     MISSING = "missing"
     NONE = "none"
+    CANNOT_TELL = "cannot tell"
+    """No log has a reference."""
 
 
 class Told(NamedTuple):
@@ -112,7 +115,18 @@ class SensorDiagnosis:
         throttle = float(np.median([flight.hover_throttle for flight in self.flights]))
         logs = tuple(flight.name for flight in self.flights)
         of_barometer = self.scatter_m if self.sensor == "barometer" else None
-        return SensorModel(errors, logs, of_barometer, throttle if np.isfinite(throttle) else None)
+        hover = throttle if np.isfinite(throttle) else None
+        return SensorModel(errors, logs, of_barometer, hover, self._near_ground_s())
+
+    def _near_ground_s(self) -> tuple[float, ...]:
+        """Time of each flight from lift-off to the height at which the error of the ground has faded."""
+        grounds = [one.error for one in self.missing if isinstance(one.error, GroundError)]
+        return tuple(
+            float(flight.time_s[above][0] - flight.time_s[0])
+            for ground in grounds
+            for flight in self.flights
+            if (above := flight.above_ground_m > ground.faded_at_m).any() and not above[0]
+        )
 
     def to_dict(self) -> dict[str, Any]:
         """The facts, as docs/sensors.md describes them."""
@@ -127,6 +141,26 @@ class SensorDiagnosis:
             "held_out_m": {"before": self.before_m, "after": self.after_m},
             "scatter_m": self.scatter_m,
             "noise": self.noise._asdict(),
+        }
+
+
+@dataclass(frozen=True)
+class Untold:
+    """Answer about a sensor of which no log has a reference."""
+
+    sensor: str
+    reasons: tuple[tuple[str, NoReference], ...]
+    """Name of each log, and why it has none."""
+    verdict: Verdict = Verdict.CANNOT_TELL
+
+    def to_dict(self) -> dict[str, Any]:
+        """The facts, as docs/sensors.md describes them."""
+        return {
+            "sensor": self.sensor,
+            "verdict": str(self.verdict),
+            "logs": [name for name, _ in self.reasons],
+            "reasons": [str(reason) for _, reason in self.reasons],
+            "needs": [str(reference) for reference in Reference],
         }
 
 
@@ -335,26 +369,36 @@ def _blocks(flights: Sequence[Heights]) -> list[np.ndarray]:
     return [number == block for block in range(BLOCKS)]
 
 
-def _residuals(flights: Sequence[Heights], errors: Sequence[SensorError], noise: Noise) -> list[Rows]:
-    """Rest of each part where the parameters are those of the others; beside it the nuisances' columns."""
-    rows, n_errors = _rows(flights, errors, _no_wind(flights)), sum(len(_linear(error)) for error in errors)
+def _unseen(flights: Sequence[Heights], errors: Sequence[SensorError], noise: Noise) -> list[Estimate]:
+    """What the parameters by all other parts leave of each part, in the unit of its rows.
+
+    These parameters are as uncertain as those parts leave them: a side to which the only fast run is in the part itself
+    is not told by the others, and no prediction of it can fail. So their errors are estimated again with the covariance
+    of the others as the prior, which makes `log_likelihood` the predictive density of the part.
+    """
+    rows, n = _rows(flights, errors, _no_wind(flights)), sum(len(_linear(error)) for error in errors)
     found = []
     for block in _blocks(flights):
         seen = Rows(rows.time_s[~block], rows.flight[~block], rows.columns[~block], rows.target[~block])
-        value = estimate(seen, noise).value
-        left = rows.target[block] - rows.columns[block, :n_errors] @ value[:n_errors]
-        found.append(Rows(rows.time_s[block], rows.flight[block], rows.columns[block, n_errors:], left))
+        others = estimate(seen, noise)
+        variances, axes = np.linalg.eigh(others.covariance[:n, :n])
+        spread = rows.columns[block, :n] @ (axes * np.sqrt(np.maximum(variances, 0.0)))
+        nuisances = rows.columns[block, n:]
+        nuisances = nuisances[:, np.any(nuisances != 0.0, axis=0)]
+        left = rows.target[block] - rows.columns[block, :n] @ others.value[:n]
+        part = Rows(rows.time_s[block], rows.flight[block], np.hstack([spread, nuisances]), left)
+        found.append(estimate(part, noise, np.repeat([1.0, 0.0], [n, nuisances.shape[1]])))
     return found
 
 
 def _foretells(flights: Sequence[Heights], errors: Sequence[SensorError], i: int, noise: Noise) -> bool:
-    """Tell whether an error beside the others lowers the weighted squares of blocks that no fit saw."""
+    """Tell whether parts that no fit saw are likelier with an error beside the others."""
     without = [error for j, error in enumerate(errors) if j != i]
 
-    def squares(each: Sequence[SensorError]) -> float:
-        return sum(estimate(block, noise).misfit for block in _residuals(flights, each, noise))
+    def likelihood(each: Sequence[SensorError]) -> float:
+        return sum(part.log_likelihood for part in _unseen(flights, each, noise))
 
-    return squares(errors) < squares(without)
+    return likelihood(errors) > likelihood(without)
 
 
 def _held_out(flights: Sequence[Heights], errors: Sequence[SensorError], noise: Noise) -> float:
@@ -362,8 +406,7 @@ def _held_out(flights: Sequence[Heights], errors: Sequence[SensorError], noise: 
 
     These are the innovations: of the weighted squares, in the unit of the rows.
     """
-    blocks = _residuals(flights, errors, noise)
-    fits = [estimate(block, noise) for block in blocks]
-    n = sum(len(block.target) for block in blocks)
-    size = np.exp(0.5 * sum(fit.log_determinant for fit in fits) / n)
-    return float(size * np.sqrt(sum(fit.misfit for fit in fits) / n))
+    parts = _unseen(flights, errors, noise)
+    n = sum(len(flight.time_s) for flight in flights)
+    size = np.exp(0.5 * sum(part.log_determinant for part in parts) / n)
+    return float(size * np.sqrt(sum(part.misfit for part in parts) / n))

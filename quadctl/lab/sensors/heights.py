@@ -1,6 +1,5 @@
 """Readings of the sensors of the height in a log, and a reference that does not lean on them."""
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import StrEnum
 
@@ -11,6 +10,7 @@ from quadctl.frames import GRAVITY_M_S2, Quaternion, quaternion_from_euler, rota
 from quadctl.lab.arrays import Floats
 from quadctl.logs.flight_log import ATTITUDE, VELOCITY, FlightLog
 from quadctl.logs.record.flight_time import thrust_drive, within
+from quadctl.logs.record.height_error import leans_on_barometer
 from quadctl.logs.record.record import Record, examine
 from quadctl.numeric import Vector
 
@@ -107,18 +107,6 @@ def references(log: FlightLog, sensor: str) -> tuple[dict[Reference, Floats], No
     if log.has("gps_vz_m_s"):
         found[Reference.DOPPLER] = _integrated(log.time_s, log["gps_vz_m_s"])
     return found, NoReference.LEANS if leans else NoReference.NONE
-
-
-def leans_on_barometer(parameters: Mapping[str, float], autopilot: str) -> bool:
-    """Tell whether the estimated height is, or may be, that of the barometer."""
-    if "EKF2_HGT_REF" in parameters:  # PX4 1.14 and later fuse all that is enabled
-        return parameters.get("EKF2_BARO_CTRL", 1.0) != 0.0
-    if "EKF2_HGT_MODE" in parameters:
-        return parameters["EKF2_HGT_MODE"] == 0.0
-    for name in ("EK3_SRC1_POSZ", "EK2_ALT_SOURCE"):
-        if name in parameters:
-            return parameters[name] == (1.0 if name == "EK3_SRC1_POSZ" else 0.0)
-    return bool(autopilot)
 
 
 def heights(log: FlightLog, sensor: str) -> Heights | NoReference:

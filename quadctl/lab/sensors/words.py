@@ -4,8 +4,8 @@ from collections.abc import Iterator
 
 from rich.table import Table
 
-from quadctl.lab.sensors.comparison import SensorComparison
-from quadctl.lab.sensors.diagnosis import Named, SensorDiagnosis, Verdict
+from quadctl.lab.sensors.comparison import UNITS, SensorComparison
+from quadctl.lab.sensors.diagnosis import Named, SensorDiagnosis, Untold, Verdict
 from quadctl.lab.sensors.heights import Heights, NoReference, Reference
 
 REFERENCES = {
@@ -24,7 +24,6 @@ SPANS = {
     "height": "hovers below 1 m and above",
     "thrust": "climbs that change the thrust",
 }
-UNITS = {"height": "m", "speed forward": "m/s", "speed right": "m/s", "climb": "m/s", "thrust": "", "temperature": "K"}
 
 
 def comparison_table(compared: SensorComparison) -> Table:
@@ -63,6 +62,12 @@ def answer(found: SensorDiagnosis) -> Iterator[str]:
         yield f"Not told from zero: {one.name}, {parameters(one)}"
     for name, span in found.not_tried.items():
         yield f"Not tried: {name}, which needs {SPANS[span]}."
+
+
+def untold(found: Untold) -> Iterator[str]:
+    """What each log needs that has no reference, a clause each."""
+    for name, reason in found.reasons:
+        yield f"{name}: nothing tells the {found.sensor}'s error: {MISSING_REFERENCE[reason]}"
 
 
 def parameters(one: Named) -> str:

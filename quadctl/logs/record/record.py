@@ -30,6 +30,7 @@ from quadctl.logs.record import (
 from quadctl.logs.record.control import out_of_control
 from quadctl.logs.record.flight_time import THRUST_SOURCES, FlightTime, total, usable, within, without
 from quadctl.logs.record.heading import corrected_heading, heading_error, is_of_heading, with_one_heading
+from quadctl.logs.record.height_error import without_height_error
 
 MIN_RATE_HZ = 2.4
 """Least update rate of the slowest channel; below it, motion between the updates would look like an unexplained
@@ -150,10 +151,8 @@ def _examined(log: FlightLog, side_force: bool) -> Record:
     findings += found
     left_out += cut
     usable_s = usable(flights, left_out)
-    disagree = witnesses.disagreements(log, source, usable_s)
-    findings += witnesses.disagreement_findings(disagree)
-    if any(one.odd == "imu" for one in disagree):
-        log = replace(log, columns={name: values for name, values in log.columns.items() if name not in IMU})
+    log, found = _by_witnesses(log, source, usable_s)
+    findings += found
     lacking = _lacking(log, source)
     if not (logged or heading_error(log, usable_s).is_told):
         lacking.append(finding(Kind.LACKS, of="heading", column=False))
@@ -167,6 +166,18 @@ def _of_one_motion(log: FlightLog, source: str | None, usable_s: tuple[Span, ...
     log, of_rotors = delays.rotors_aligned(log, source, usable_s)
     log, of_point = lever_arm.at_centre_of_mass(log, source, usable_s)
     return log, [*of_rates, *of_rotors, *of_point]
+
+
+def _by_witnesses(log: FlightLog, source: str | None, usable_s: tuple[Span, ...]) -> tuple[FlightLog, list[Finding]]:
+    """The log without an accelerometer that is odd, and without the error of a height that follows a barometer's."""
+    disagree = witnesses.disagreements(log, source, usable_s)
+    findings = witnesses.disagreement_findings(disagree)
+    if any(one.odd == "imu" for one in disagree):
+        log = replace(log, columns={name: values for name, values in log.columns.items() if name not in IMU})
+    if not any(one.axis == "up" and one.odd == "velocity" for one in disagree):
+        log, found = without_height_error(log, source, usable_s)
+        findings += found
+    return log, findings
 
 
 def thrust_source_of(log: FlightLog) -> str | None:

@@ -29,6 +29,7 @@ from quadctl.web.figures.profile import profile_figure, share_in_words
 from quadctl.web.panels.chosen_flight import ChosenFlightPanel, selected
 from quadctl.web.panels.glossary import explained
 from quadctl.web.panels.panel import Controls, Panel, Tab
+from quadctl.web.panels.sensors import HeightSensors
 from quadctl.web.panels.stack import apart_in_words
 from quadctl.web.panels.view import Brush
 
@@ -210,4 +211,4 @@ def _select(do: Controls, event: GenericEventArguments, axis_name: str, variable
     do.select(chosen, axis_name)
 
 
-TAB = Tab("fails", "Where it fails", "troubleshoot", (Failures, Selected))
+TAB = Tab("fails", "Where it fails", "troubleshoot", (Failures, Selected, HeightSensors))

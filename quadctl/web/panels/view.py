@@ -13,6 +13,7 @@ from quadctl.lab.evaluation import Evaluation
 from quadctl.lab.flights.dataset import Dataset, HoldOut
 from quadctl.lab.flights.flight import Flight
 from quadctl.lab.planning.suggestion import Suggestion
+from quadctl.lab.sensors.answers import SensorAnswers
 from quadctl.lab.tracking.step_response import StepResponses
 from quadctl.logs.flight_log import FlightLog
 from quadctl.model import Model
@@ -143,6 +144,11 @@ class View:
     def seen(self) -> Dataset | None:
         """Flights that fits may use."""
         return None if self.opened is None else self.opened.seen
+
+    @property
+    def sensors(self) -> SensorAnswers | None:
+        """Answers about the sensors of the height; None where no log has a barometer."""
+        return None if self.opened is None else self.opened.sensors
 
     @property
     def unconfirmed(self) -> Vehicle | None:

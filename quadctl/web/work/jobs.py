@@ -23,6 +23,7 @@ from quadctl.lab.selection.effect_curves import sketch
 from quadctl.lab.selection.evidence import Evidence, evidence_for
 from quadctl.lab.selection.refit import Refit, fit
 from quadctl.lab.selection.removal import held_effect, remove_from_fit
+from quadctl.lab.sensors.answers import SensorAnswers, answers_on_sensors
 from quadctl.lab.tracking.step_response import StepResponses
 from quadctl.logs.flight_log import FlightLog
 from quadctl.logs.quality import quality
@@ -47,6 +48,8 @@ class Opened:
     seen: Dataset | None
     """Flights that fits may use; None where none can be analysed."""
     unseen: Dataset | None
+    sensors: SensorAnswers | None = None
+    """Answers about the sensors of the height; None where no log has a barometer."""
 
     @property
     def usable(self) -> list[Path]:
@@ -114,7 +117,17 @@ def open_logs(
         [o.flight for o in opened if o.flight and not o.doubt and (o.path in unseen) == held_out]
         for held_out in (False, True)
     )
-    return Opened(opened, _dataset(fitted, hold_out), _dataset(kept))
+    return Opened(opened, _dataset(fitted, hold_out), _dataset(kept), _on_sensors(opened, progress))
+
+
+def _on_sensors(opened: Sequence[OpenedLog], progress: Progress) -> SensorAnswers | None:
+    """Answers about the height sensors of the logs that can be analysed; of all that could be read where none can."""
+    read = [one for one in opened if one.log is not None]
+    used = [one for one in read if not (one.problem or one.doubt)]
+    logs = [one.log for one in (used or read) if one.log is not None]
+    if any(log.has("baro_m") for log in logs):
+        progress("comparing the barometer with its reference")
+    return answers_on_sensors(logs)
 
 
 def _without_twins(opened: Sequence[OpenedLog]) -> list[OpenedLog]:

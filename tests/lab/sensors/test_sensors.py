@@ -1,6 +1,7 @@
 """Errors of a barometer are named where the log has a reference, with intervals that hold the truth; else it is said
 what the log needs."""
 
+import json
 import re
 from dataclasses import replace
 from pathlib import Path
@@ -25,6 +26,7 @@ from quadctl.lab.sensors.diagnosis import SensorDiagnosis, Verdict, diagnose_sen
 from quadctl.lab.sensors.heights import Heights, NoReference, Reference, heights, leans_on_barometer
 from quadctl.lab.sensors.wander import Noise, Rows, estimate
 from quadctl.lab.sensors.words import parameters
+from quadctl.logs.csv_log import write_csv
 from quadctl.logs.flight_log import ATTITUDE, VELOCITY, FlightLog
 from quadctl.logs.read import read_log
 from quadctl.sensor_model import FittedError, SensorModel, load_sensors, save_sensors
@@ -114,6 +116,35 @@ def test_an_error_with_the_air_speed_is_named_and_its_intervals_hold_the_truth(
     assert found.after_m < found.before_m
 
 
+def hall_flight(error: SensorError, seed: int) -> Heights:
+    """One run at 0.7 and one at 4 m/s to each side, 3 s long, with hovers between them; a barometer beside motion
+    capture that scatters by 1.6 cm and wanders by 1.4 cm in 5 s."""
+    time_s = np.arange(0.0, 140.0, 0.5)
+    north, east = np.zeros((2, len(time_s)))
+    for i, (speed, along) in enumerate((v, a) for v in (0.7, 4.0) for a in ((1, 0), (-1, 0), (0, 1), (0, -1))):
+        shape = speed * np.clip(3.0 - 2.0 * np.abs(time_s - 12.0 - 15.5 * i), 0.0, 1.0)
+        north, east = north + shape * along[0], east + shape * along[1]
+    still, one = np.zeros(len(time_s)), np.ones(len(time_s))
+    height = 1.5 + 0.3 * np.sin(0.1 * time_s)
+    level = (one, still, still, still)
+    climb = np.gradient(height, time_s)
+    read = height + np.asarray(error.error_m(SensorConditions(height, (north, east, -climb), level)))
+    read = read + 0.016 * np.random.default_rng(seed).standard_normal(len(time_s))
+    read = read + wandering(seed + 1, len(time_s), 0.014, 5.0, 0.5)
+    return Heights(
+        "hall.csv", "barometer", Reference.POSITION, time_s, read, height, climb, (north, east, -climb), level, height,
+        one, still, (0.0, 0.0), 0.3, 0.06, 0.4,
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("seed", [51, 61])
+def test_one_fast_run_to_each_side_is_enough(seed: int) -> None:
+    """Without it the coefficient of its side is hardly known, and what is hardly known foretells nothing wrong."""
+    found = diagnose_sensor([hall_flight(AirspeedError(0.1, 0.12, -0.09, 0.0), seed)])
+    assert [one.name for one in found.missing] == ["barometer.airspeed"]
+    assert found.after_m < found.before_m
+
+
 @pytest.mark.parametrize("at_ground_m", [0.35, -0.35])
 def test_an_error_near_the_ground_is_named_with_its_sign(runs: FlightLog, at_ground_m: float) -> None:
     found = diagnosed(measured(runs, (GroundError(at_ground_m, 0.45),), Reference.RANGE, seed=4))
@@ -169,6 +200,50 @@ def test_without_a_reference_it_is_said_why(runs: FlightLog) -> None:
     alone = measured(runs, (SPEEDS,), Reference.POSITION)
     leaning = replace(alone, meta={"autopilot": "PX4", "parameters": {"EKF2_HGT_REF": 1.0}})
     assert heights(leaning, "barometer") is NoReference.LEANS
+
+
+@pytest.fixture
+def leaning(runs: FlightLog, tmp_path: Path) -> Path:
+    """A log whose height leans on its barometer, without another reference."""
+    log = measured(runs, (), Reference.POSITION)
+    write_csv(replace(log, meta={"autopilot": "PX4"}), tmp_path / "leaning.csv")
+    (tmp_path / "leaning.meta.yaml").write_text("autopilot: PX4\nparameters: {EKF2_HGT_REF: 1.0}\n")
+    return tmp_path / "leaning.csv"
+
+
+def test_the_answer_without_a_reference_is_in_the_json_file_too(leaning: Path, tmp_path: Path) -> None:
+    said = CliRunner().invoke(app, ["diagnose", "--sensors", str(leaning), "--json", str(tmp_path / "out.json")])
+    assert said.exit_code != 0
+    (found,) = json.loads((tmp_path / "out.json").read_text())["sensors"]
+    assert (found["sensor"], found["verdict"], found["reasons"]) == ("barometer", "cannot tell", ["leans"])
+    assert "range finder" in found["needs"]
+
+
+def test_a_log_without_a_reference_is_left_out_beside_one_that_has_it(
+    runs: FlightLog, leaning: Path, tmp_path: Path
+) -> None:
+    known = measured(runs, (GroundError(-0.4, 0.4),), Reference.RANGE, seed=9)
+    write_csv(known, tmp_path / "known.csv")
+    said = CliRunner().invoke(app, ["diagnose", "--sensors", str(leaning), str(tmp_path / "known.csv")])
+    assert said.exit_code == 0
+    assert "Left out is leaning.csv" in said.output and "barometer.ground" in said.output
+
+
+@pytest.mark.parametrize("option", [["--all"], ["--nested"], ["--html", "out.html"]])
+def test_an_option_of_the_motion_is_refused(leaning: Path, option: list[str]) -> None:
+    said = CliRunner().invoke(app, ["diagnose", "--sensors", str(leaning), *option])
+    assert said.exit_code == 2
+    assert f"{option[0]} is of a diagnosis of the motion" in said.output
+
+
+def test_the_time_near_the_ground_is_that_of_the_slowest_take_off() -> None:
+    ground = FittedError(GroundError(-0.4, 0.3), {"at_ground_m": (-0.5, -0.3)}, True)
+    up_to_m = 0.3 * np.log(0.4 / 0.05)
+    for near_s, hold in (((1.4, 2.6), 2.6), ((1.4, 8.0), None), ((), None)):
+        rows = {row.name: row for row in sensor_rows(SensorModel((ground,), ("a.bin",), None, 0.4, near_s), ARDUPILOT)}
+        assert rows["GNDEFF_ALT"].to_write == pytest.approx(up_to_m)
+        assert rows["GNDEFF_TMO"].to_write == hold
+    assert "take off faster" in sensor_rows(SensorModel((ground,), (), None, 0.4, (8.0,)), ARDUPILOT)[-1].lacking
 
 
 def test_the_parameters_say_what_the_height_leans_on() -> None:
