@@ -15,7 +15,7 @@ takes away moments that at 5 m/s equal a centre of mass 0.5 mm off."""
 
 
 @dataclass(frozen=True)
-class LinearMoment(Effect):
+class ProportionalMoment(Effect):
     """A moment T_total (roll v, pitch u, 0): the thrust acts as far from its place as the airspeed says.
 
     A drag d at the height h above the centre of mass gives pitch = -roll = d h / g, and rotors whose discs flap give
