@@ -9,7 +9,7 @@ from quadctl.effects.thrust_scale import ConstantScale
 from quadctl.errors import QuadctlError
 from quadctl.lab.arrays import Floats
 from quadctl.lab.fitting.fitted_model import FittedModel, fit_model
-from quadctl.lab.fitting.nuisances import FORCES, moment_per_load
+from quadctl.lab.fitting.nuisances import MOMENTS, moment_per_load
 from quadctl.lab.fitting.parameters import undetermined, values_of
 from quadctl.lab.flights.dataset import Dataset, load_dataset
 from quadctl.logs.quality import quality
@@ -100,6 +100,6 @@ def _rotors(found: FittedModel) -> dict[str, float]:
     vehicle, nuisance = found.model.vehicle, found.optimum.nuisances[0]
     mean = scale[0].factor * (1.0 + float(nuisance[0]))
     arms_m = np.array(vehicle.moment_arms_m).T
-    wanted_m: Floats = nuisance[FORCES:] * moment_per_load(vehicle) / (vehicle.weight_n / vehicle.n_rotors)
+    wanted_m: Floats = nuisance[MOMENTS] * moment_per_load(vehicle) / (vehicle.weight_n / vehicle.n_rotors)
     apart = np.linalg.pinv(np.vstack([np.ones(vehicle.n_rotors), arms_m])) @ np.array([0.0, *wanted_m])
     return {f"rotor {i}": float(mean + difference) for i, difference in enumerate(apart, start=1)}

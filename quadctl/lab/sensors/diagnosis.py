@@ -7,7 +7,7 @@ from enum import StrEnum
 from typing import Any, NamedTuple
 
 import numpy as np
-from scipy.stats import chi2
+from scipy.special import chdtrc
 
 from quadctl.effects.barometer import GroundError
 from quadctl.effects.sensor_error import SensorError
@@ -359,7 +359,7 @@ def _named(flights: Sequence[Heights], fit: _Fit, errors: Sequence[SensorError],
         if (error_m := np.asarray(fitted.error_m(flight.conditions(wind)))).shape
     ]
     largest = float(np.percentile(np.concatenate(sizes), MOST)) if sizes else 0.0
-    return Named(fitted, told, float(min(1.0, tries * chi2.sf(ratio, max(int(known.sum()), 1)))), largest, unknown)
+    return Named(fitted, told, float(min(1.0, tries * chdtrc(max(int(known.sum()), 1), ratio))), largest, unknown)
 
 
 def _blocks(flights: Sequence[Heights]) -> list[np.ndarray]:
