@@ -266,6 +266,8 @@ def fit(
 
     bare, response = load_model(model), attitude_response([read_log(log) for log in logs])
     if response is not None and not bare.stack:
+        if unseen:
+            raise typer.BadParameter(f"--unseen judges a fit, but {model} holds no effect to fit")
         save_model(with_response(bare, response), output)
         _print_lag(response.lag_s, output)
         console.print(f"{model} holds no effect to fit: quadctl discover finds them.", soft_wrap=True)

@@ -370,7 +370,7 @@ def _blocks(flights: Sequence[Heights]) -> list[np.ndarray]:
 
 
 def _unseen(flights: Sequence[Heights], errors: Sequence[SensorError], noise: Noise) -> list[Estimate]:
-    """What the parameters by all other parts leave of each part, in the unit of its rows.
+    """Estimates of the rest that the parameters by all other parts leave of each part, in the unit of its rows.
 
     These parameters are as uncertain as those parts leave them: a side to which the only fast run is in the part itself
     is not told by the others, and no prediction of it can fail. So their errors are estimated again with the covariance

@@ -65,7 +65,7 @@ def answer(found: SensorDiagnosis) -> Iterator[str]:
 
 
 def untold(found: Untold) -> Iterator[str]:
-    """What each log needs that has no reference, a clause each."""
+    """Needs of the logs that have no reference, a clause each."""
     for name, reason in found.reasons:
         yield f"{name}: nothing tells the {found.sensor}'s error: {MISSING_REFERENCE[reason]}"
 

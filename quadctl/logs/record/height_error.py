@@ -149,7 +149,7 @@ def _fitted(
 
 
 def _regression(columns: Floats, target: Floats, k: int, time_s: Floats) -> tuple[float, Floats, Floats, float] | None:
-    """What is left, the first `k` coefficients, their standard errors, and the size of what they explain; None where
+    """Mean square of the rest, the first `k` coefficients, their standard errors, and the size of their sum; None where
     they are not clear."""
     products, along = columns.T @ columns, columns.T @ target
     left = target - columns @ (np.linalg.pinv(products) @ along)

@@ -100,7 +100,7 @@ def test_without_an_accelerometer_it_may_be_either(raptor: Vehicle) -> None:
 
 
 def test_the_trim_turns_force_and_accelerometer_together(raptor: Vehicle) -> None:
-    """Where the velocity tells the force: the accelerometer's, turned by a wrong attitude, is off by as much as the
+    """Beside a force told by the velocity the accelerometer's, turned by a wrong attitude, is off by as much as the
     predicted one, the other way."""
     (flight,) = load_dataset([flown(raptor, UPRIGHT, CAPTURED_META, leant=lean(4.0, 3.0))], raptor).flights
     flight = replace(flight, measured=flight.motion, trajectory=None)

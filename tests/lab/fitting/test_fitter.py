@@ -625,7 +625,7 @@ class TestOtherAxes:
     def test_a_wake_takes_thrust_and_what_only_turns_the_vehicle_is_an_airspeed_moment(
         self, raptor: Vehicle, up: float, supported: bool
     ) -> None:
-        """Of the moments 60 % is explained: of the thrust a fifth of that, 12 %, is asked of a wake."""
+        """A wake that explains 60 % of the moments must explain a fifth of that, 12 %, of the thrust."""
         turned = {"roll": 0.04, "pitch": 0.04, "turning": 0.1149, "up": up, "total": (2.0 + up**2) ** 0.5}
         assert is_supported(self.candidate(raptor, FrontWake(0.2), **turned)) is supported
         only = turned | {"up": 1.0, "total": ERRORS["total"]}

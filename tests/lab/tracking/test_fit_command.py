@@ -25,3 +25,6 @@ def test_the_lag_of_a_bare_vehicle_is_found_and_the_effects_are_left_to_discover
     assert response is not None
     assert response.lag_s == pytest.approx(0.16, abs=0.03)
     assert f"The attitude follows its setpoint {response.lag_s:.2f} s later, which {output} holds" in fitted.out
+    again = tmp_path / "again.yaml"
+    refused = quadctl("fit", vehicle, log, "-o", str(again), "--unseen", log)
+    assert refused.status == 2 and "holds no effect to fit" in refused.err and not again.exists()
