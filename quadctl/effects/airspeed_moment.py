@@ -1,6 +1,5 @@
 """Airspeed moment: the air turns a vehicle that moves through it, as its drag does not act at the centre of mass."""
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import ClassVar
@@ -15,17 +14,18 @@ takes away moments that at 5 m/s equal a centre of mass 0.5 mm off."""
 
 
 @dataclass(frozen=True)
-class ProportionalMoment(Effect):
-    """A moment T_total (roll v, pitch u, 0): the thrust acts as far from its place as the airspeed says.
+class IsotropicMoment(Effect):
+    """A moment T_total k (-v, u, 0): the thrust acts as far from its place as the airspeed says.
 
-    A drag d at the height h above the centre of mass gives pitch = -roll = d h / g, and rotors whose discs flap give
-    the same form: both moments are linear in the airspeed and grow with the thrust. A Crazyflie 2.1 has -0.8 and 1.0 mm
-    per m/s, or -13 and 16 rad/s^2 per m/s.
+    A drag d at the height h above the centre of mass gives k = d h / g, and rotors whose discs flap give the same form:
+    both moments are linear in the airspeed and grow with the thrust. One coefficient serves roll and pitch, as most
+    vehicles are nearly alike from all sides, and runs in one direction show no second one. A Crazyflie 2.1 has 0.8 mm
+    per m/s in roll and 1.0 in pitch, or 13 and 16 rad/s^2 per m/s.
     """
 
-    name: ClassVar[str] = "airspeed_moment.proportional"
+    name: ClassVar[str] = "airspeed_moment.isotropic"
     source: ClassVar[str] = "hub force and flapping moment, first order: Mahony, Kumar & Corke 2012, eq. 12-15, r x F"
-    formula: ClassVar[str] = r"M = T \, (\mathrm{roll} \, v, \mathrm{pitch} \, u, 0)"
+    formula: ClassVar[str] = r"M = T \, k \, (-v, u, 0)"
     depends_on: ClassVar[tuple[str, ...]] = ("speed_forward", "speed_right")
     physics: ClassVar[str] = (
         "The drag acts above or below the centre of mass, and the rotors' discs flap: the air turns what flies fast."
@@ -34,16 +34,14 @@ class ProportionalMoment(Effect):
         "moments in runs in both directions that go on growing with the speed; a wake also takes thrust"
     )
     mission: ClassVar[str] = "missions/forward_runs.yaml"
-    essential: ClassVar[tuple[str, ...]] = ("roll", "pitch")
     needs: ClassVar[dict[str, float]] = {"speed": 0.7}
 
-    roll: float = parameter(0.0, -20.0, 20.0, "mm per m/s", "roll moment over thrust, per airspeed to the right")
-    pitch: float = parameter(0.0, -20.0, 20.0, "mm per m/s", "pitch moment over thrust, per airspeed forward")
+    k: float = parameter(0.0, -20.0, 20.0, "mm per m/s", "pitch moment over thrust, per airspeed forward")
 
     def negligible(self) -> bool:
-        return math.hypot(self.roll, self.pitch) < LEAST_MM_PER_M_S
+        return abs(self.k) < LEAST_MM_PER_M_S
 
     def torque(self, thrust_n: Sequence[Number], c: Conditions, vehicle: Vehicle) -> Vector:
         u, v, _ = c.velocity_body_m_s
-        per_mm = 1e-3 * sum(thrust_n)
-        return self.roll * per_mm * v, self.pitch * per_mm * u, 0.0 * per_mm
+        lever_m = 1e-3 * self.k
+        return -lever_m * sum(thrust_n) * v, lever_m * sum(thrust_n) * u, 0.0 * sum(thrust_n)

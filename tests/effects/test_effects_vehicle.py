@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 
 from quadctl.compensator import check_compensator
 from quadctl.effects import Conditions, Effect
-from quadctl.effects.airspeed_moment import ProportionalMoment
+from quadctl.effects.airspeed_moment import IsotropicMoment
 from quadctl.effects.battery_sag import LinearSag, PowerSag
 from quadctl.effects.body_drag import QuadraticDrag
 from quadctl.effects.ground_effect import Exponential
@@ -431,9 +431,9 @@ def test_interaction_pitches_the_nose_up_in_forward_flight(raptor: Vehicle) -> N
 def test_an_airspeed_moment_by_hand(raptor: Vehicle) -> None:
     """10 N in all, rolled, pitched and heading east: a moment by the airspeed in the body, and no force."""
     turned = multiply(HEADING_EAST, quaternion_from_euler(0.2, -0.3, 0.0))
-    effect = ProportionalMoment(roll=-0.8, pitch=1.1)
+    effect = IsotropicMoment(k=1.1)
     moment = effect.torque([1.0, 2.0, 3.0, 4.0], at((3.0, -2.0, 0.7), attitude=turned), raptor)
-    assert moment == pytest.approx((10.0 * -0.8e-3 * -2.0, 10.0 * 1.1e-3 * 3.0, 0.0))
+    assert moment == pytest.approx((10.0 * -1.1e-3 * -2.0, 10.0 * 1.1e-3 * 3.0, 0.0))
     assert not effect.acts_by("force") and not effect.acts_by("rotor_thrust")
 
 
@@ -442,24 +442,20 @@ def test_a_drag_above_the_centre_of_mass_is_an_airspeed_moment(raptor: Vehicle) 
     height_m, velocity = 0.02, (2.0, -1.5, 0.0)
     x, y, _ = LinearDrag(d_x=0.4, d_y=0.4).force(4.0 * HOVER_N, at(velocity), raptor)
     per_airspeed = 1e3 * 0.4 * height_m / 9.80665
-    moment = ProportionalMoment(roll=-per_airspeed, pitch=per_airspeed).torque([HOVER_N] * 4, at(velocity), raptor)
+    moment = IsotropicMoment(per_airspeed).torque([HOVER_N] * 4, at(velocity), raptor)
     assert moment == pytest.approx((height_m * y, -height_m * x, 0.0), rel=1e-4)
 
 
 def test_in_a_wind_the_moment_is_that_of_the_airspeed(raptor: Vehicle) -> None:
     """Flying north at 3 m/s, heading east, in a wind to the north of 5 m/s: the air comes from the right at 2 m/s."""
-    model = (
-        Model(raptor)
-        .plus(SteadyWind(north_m_s=5.0, east_m_s=0.0, drag=0.0))
-        .plus(ProportionalMoment(roll=0.5, pitch=0.7))
-    )
+    model = Model(raptor).plus(SteadyWind(north_m_s=5.0, east_m_s=0.0, drag=0.0)).plus(IsotropicMoment(0.7))
     c = at(rotate_inverse(HEADING_EAST, (3.0, 0.0, 0.0)), attitude=HEADING_EAST)
-    assert model.body_torque([3.0] * 4, c) == pytest.approx((12.0 * 0.5e-3 * 2.0, 0.0, 0.0), abs=1e-9)
+    assert model.body_torque([3.0] * 4, c) == pytest.approx((12.0 * -0.7e-3 * 2.0, 0.0, 0.0), abs=1e-9)
 
 
 def test_a_moment_of_less_than_a_tenth_of_a_millimetre_is_negligible() -> None:
-    assert ProportionalMoment(roll=0.06, pitch=-0.07).negligible()
-    assert not ProportionalMoment(roll=0.06, pitch=-0.09).negligible()
+    assert IsotropicMoment(-0.09).negligible()
+    assert not IsotropicMoment(-0.11).negligible()
 
 
 def test_a_wake_takes_no_more_than_nine_tenths(raptor: Vehicle) -> None:

@@ -174,11 +174,30 @@ class TestRepeatedFlights:
         assert set(one) <= flights.possible
 
     @pytest.mark.parametrize(
-        "log", ["APPIUS_FWD_V_050", by_make_real("NO_COMPENSATION_V_050"), by_make_real("NO_COMPENSATION_V_125")]
+        ("log", "turned"),
+        [
+            ("APPIUS_FWD_V_050", True),
+            pytest.param("NO_COMPENSATION_V_050", False, marks=pytest.mark.real),
+            pytest.param("NO_COMPENSATION_V_125", False, marks=pytest.mark.real),
+        ],
     )
-    def test_runs_with_rotor_speeds_are_slowed_by_a_drag_and_their_rotors_give_less(self, log: str) -> None:
-        """Three missions at 0.5 and 1.25 m/s, flown with and without a compensator."""
-        assert sorted(found_in(f"raptor/{log}.csv").missing) == ["rotor_drag", "thrust_scale", "thrust_tilt"]
+    def test_runs_with_rotor_speeds_are_slowed_by_a_drag_and_their_rotors_give_less(
+        self, log: str, turned: bool
+    ) -> None:
+        """Three missions at 0.5 and 1.25 m/s, flown with and without a compensator; one shows a moment with the
+        airspeed, too."""
+        moment = ["airspeed_moment"] if turned else []
+        assert sorted(found_in(f"raptor/{log}.csv").missing) == [*moment, "rotor_drag", "thrust_scale", "thrust_tilt"]
+
+    def test_the_moment_with_the_airspeed_is_the_same_high_above_the_ground(self) -> None:
+        """Another mission at the same speed: each value stands in the interval of the other."""
+        one, other = (
+            next(c for c in found_in(f"raptor/{log}.csv").ranking if c.family == "airspeed_moment")
+            for log in ("APPIUS_FWD_V_050", "HIGH_ALTITUDE_V_050")
+        )
+        for a, b in ((one, other), (other, one)):
+            low, high = a.ci95["k"]
+            assert 2.0 < low < b.effect.values()["k"] < high
 
     @pytest.mark.real
     def test_in_a_minute_a_weak_battery_is_not_told_from_a_thrust_that_is_off(self) -> None:

@@ -11,7 +11,7 @@ from scipy.optimize import lsq_linear
 from scipy.signal import lfilter
 
 from quadctl.effects import CATALOG, Effect
-from quadctl.effects.airspeed_moment import ProportionalMoment
+from quadctl.effects.airspeed_moment import IsotropicMoment
 from quadctl.effects.ground_effect import Exponential
 from quadctl.effects.payload import MassStep
 from quadctl.effects.rotor_drag import LinearDrag
@@ -629,7 +629,7 @@ class TestOtherAxes:
         turned = {"roll": 0.04, "pitch": 0.04, "turning": 0.1149, "up": up, "total": (2.0 + up**2) ** 0.5}
         assert is_supported(self.candidate(raptor, FrontWake(0.2), **turned)) is supported
         only = turned | {"up": 1.0, "total": ERRORS["total"]}
-        assert is_supported(self.candidate(raptor, ProportionalMoment(roll=-0.8, pitch=1.0), **only))
+        assert is_supported(self.candidate(raptor, IsotropicMoment(1.0), **only))
 
     def test_what_is_not_about_moments_is_not_judged_by_them(self, raptor: Vehicle) -> None:
         assert not is_supported(self.candidate(raptor, ConstantScale(0.9), yaw=0.05, turning=0.15))
