@@ -116,8 +116,39 @@ class SteadyWind(_Wind):
 
 
 @dataclass(frozen=True)
-class WindOfEachFlight(PerFlight, SteadyWind):
-    """A steady wind as `wind.steady`, with a velocity of its own for each flight after the first: `north_2_m_s` is that
+class WindOfBothDrags(_Wind):
+    """A steady wind with a drag of rotors and frame: F = -(m drag + 1/2 rho |v| area) (u, v) in body axes, and the same
+    along z."""
+
+    name: ClassVar[str] = "wind.both_drags"
+    source: ClassVar[str] = "Galilean relativity; Hattenberger et al. 2022: rotors drag linearly, the frame quadratically"
+
+    north_m_s: float = parameter(0.5, -25.0, 25.0, "m/s", "velocity of the air toward north")
+    east_m_s: float = parameter(0.5, -25.0, 25.0, "m/s", "velocity of the air toward east")
+    drag: float = parameter(0.2, 0.0, 3.0, "1/s", "deceleration per airspeed, where the model holds no drag")
+    drag_z: float = parameter(0.0, 0.0, 3.0, "1/s", "the same along body z")
+    area_m2: float = parameter(0.0, 0.0, 1.0, "m^2", "drag area, seen from the front and from the side")
+    area_z_m2: float = parameter(0.0, 0.0, 1.0, "m^2", "drag area seen from above")
+
+    def believable(self, flights: Sequence[Conditions], vehicle: Vehicle) -> bool:
+        areas_m2 = (self.area_m2, self.area_z_m2)
+        return are_possible_areas(areas_m2, vehicle) and super().believable(flights, vehicle)
+
+    def standing_back(self) -> Self:
+        """The same wind without its own drag, beside an effect that models the drag."""
+        return replace(self, drag=0.0, drag_z=0.0, area_m2=0.0, area_z_m2=0.0)
+
+    def force(self, total_thrust_n: Number, c: Conditions, vehicle: Vehicle) -> Vector:
+        u, v, w = c.velocity_body_m_s
+        m = vehicle.mass_kg
+        half = 0.5 * vehicle.air_density_kg_m3 * sqrt(u * u + v * v + w * w)
+        level, upright = m * self.drag + half * self.area_m2, m * self.drag_z + half * self.area_z_m2
+        return -level * u, -level * v, -upright * w
+
+
+@dataclass(frozen=True)
+class WindOfEachFlight(PerFlight, WindOfBothDrags):
+    """A steady wind as `wind.both_drags`, with a velocity of its own for each flight after the first: `north_2_m_s` is that
     of the second flight."""
 
     name: ClassVar[str] = "wind.each_flight"
@@ -131,7 +162,7 @@ class WindOfEachFlight(PerFlight, SteadyWind):
         numbers = [c.flight for c in flights[1:]]
         kind = with_own_values(cls.plain(), numbers)
         found = []
-        for start in SteadyWind.starts(flights, vehicle):
+        for start in WindOfBothDrags.starts(flights, vehicle):
             common = start.values()
             own = {own_name(name, number): common[name] for name in cls.per_flight for number in numbers}
             found.append(kind(**common, **own))
@@ -146,33 +177,6 @@ class WindOfEachFlight(PerFlight, SteadyWind):
     def distinct(self, flights: Sequence[Conditions], vehicle: Vehicle) -> bool:
         """True where one flight by itself tells a wind from a tilted thrust (see `SteadyWind`)."""
         return any(super(WindOfEachFlight, self).distinct([c], vehicle) for c in flights)
-
-
-@dataclass(frozen=True)
-class QuadraticWind(_Wind):
-    """A steady wind with a drag that is quadratic in the airspeed: F = -1/2 rho |v| (A_x u, A_y v, A_z w)."""
-
-    name: ClassVar[str] = "wind.quadratic_drag"
-    source: ClassVar[str] = "Galilean relativity; definition of the drag coefficient"
-
-    north_m_s: float = parameter(0.5, -25.0, 25.0, "m/s", "velocity of the air toward north")
-    east_m_s: float = parameter(0.5, -25.0, 25.0, "m/s", "velocity of the air toward east")
-    area_x_m2: float = parameter(0.02, 0.0, 1.0, "m^2", "drag area seen from the front, where the model has no drag")
-    area_y_m2: float = parameter(0.02, 0.0, 1.0, "m^2", "drag area seen from the side")
-    area_z_m2: float = parameter(0.0, 0.0, 1.0, "m^2", "drag area seen from above")
-
-    def believable(self, flights: Sequence[Conditions], vehicle: Vehicle) -> bool:
-        areas_m2 = (self.area_x_m2, self.area_y_m2, self.area_z_m2)
-        return are_possible_areas(areas_m2, vehicle) and super().believable(flights, vehicle)
-
-    def standing_back(self) -> Self:
-        """The same wind without its own drag, beside an effect that models the drag."""
-        return replace(self, area_x_m2=0.0, area_y_m2=0.0, area_z_m2=0.0)
-
-    def force(self, total_thrust_n: Number, c: Conditions, vehicle: Vehicle) -> Vector:
-        u, v, w = c.velocity_body_m_s
-        half = -0.5 * vehicle.air_density_kg_m3 * sqrt(u * u + v * v + w * w)
-        return half * self.area_x_m2 * u, half * self.area_y_m2 * v, half * self.area_z_m2 * w
 
 
 @dataclass(frozen=True)

@@ -32,7 +32,7 @@ from quadctl.effects.thrust_map import LineMap
 from quadctl.effects.thrust_scale import ConstantScale
 from quadctl.effects.thrust_tilt import FixedTilt
 from quadctl.effects.translational_lift import HorizontalLift
-from quadctl.effects.wind import Push, QuadraticWind, SteadyWind, WindOfEachFlight
+from quadctl.effects.wind import Push, SteadyWind, WindOfBothDrags, WindOfEachFlight
 from quadctl.errors import SettingsError
 from quadctl.frames import Quaternion, multiply, quaternion_from_euler, rotate, rotate_inverse
 from quadctl.model import Model
@@ -496,7 +496,7 @@ def test_a_flight_may_have_a_wind_of_its_own(raptor: Vehicle, flight: int, wind:
     hover = dataclasses.replace(at(), flight=flight)
     assert effect.wind_ned_m_s(hover) == wind
     assert pickle.loads(pickle.dumps(effect)) == effect
-    assert effect.values() == DAYS
+    assert effect.values() == {**DAYS, "area_m2": 0.0, "area_z_m2": 0.0}
     still = {**DAYS, "north_m_s": 0.0}
     assert not WindOfEachFlight.from_values(still, "model.yaml").negligible()  # no wind in the first flight only
     assert WindOfEachFlight.from_values({**still, "east_2_m_s": 0.1}, "model.yaml").negligible()
@@ -615,10 +615,11 @@ def test_a_payload_of_one_flight_leaves_the_others(raptor: Vehicle) -> None:
     assert (step.ratio(first, raptor), step.ratio(second, raptor)) == (1.0, pytest.approx(0.75))
 
 
-def test_a_quadratic_wind_pushes_with_the_square(raptor: Vehicle) -> None:
-    """1/2 rho A v^2 = 0.5 1.205 0.02 16 = 0.193 N on a vehicle that hovers in a wind of 4 m/s from behind."""
-    model = Model(raptor).plus(QuadraticWind(4.0, 0.0, area_x_m2=0.02))
-    assert model.side_force(14.7, model.in_air(at())) == pytest.approx((0.5 * 1.205 * 0.02 * 16.0, 0.0, 0.0))
+def test_a_wind_on_rotors_and_frame_pushes_with_the_speed_and_its_square(raptor: Vehicle) -> None:
+    """m drag v + 1/2 rho A v^2 = 1.5 0.2 4 + 0.5 1.205 0.02 16 = 1.2 + 0.1928 N on a vehicle of 1.5 kg that hovers in a
+    wind of 4 m/s from behind."""
+    model = Model(raptor).plus(WindOfBothDrags(4.0, 0.0, drag=0.2, area_m2=0.02))
+    assert model.side_force(14.7, model.in_air(at())) == pytest.approx((1.3928, 0.0, 0.0))
 
 
 def test_a_storm_without_drag_is_no_wind(raptor: Vehicle) -> None:

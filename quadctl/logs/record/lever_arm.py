@@ -20,8 +20,8 @@ INDEPENDENT_S = 0.2
 """Time after which what the regression leaves is independent."""
 MATTERS_M, SIGMA = 0.02, 8.0
 """Least arm that is told, and standard errors by which it must differ from zero."""
-EXPLAINS = 0.25
-"""Least share by which the arm must lower the root mean square of what drag, delays and offsets leave."""
+EXPLAINS = 0.2
+"""Least share by which the arm must lower the root mean square of what drag, wind, delays and offsets leave."""
 LONGEST_M = 2.0
 
 
@@ -77,6 +77,9 @@ def _equations(log: FlightLog, drive: Floats | None, span: Span) -> tuple[Floats
         signals = (along[axis], (-rates[1], rates[0])[axis], np.ones(n))
         blocks += [np.array([signal if i == axis else zero for i in range(3)]) for signal in signals]
     blocks += [np.array([zero, zero, signal]) for signal in (lift, along[2], np.ones(n))]
+    for fixed in ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0)):  # the drag of a wind, which has its direction over ground
+        toward = np.array(rotate_inverse(attitude, fixed))
+        blocks += [np.where(np.arange(3)[:, None] == axis, toward, 0.0) for axis in range(3)]
     return np.stack([block.ravel() for block in blocks], axis=1), force.ravel()
 
 

@@ -184,7 +184,7 @@ DRAG_1_S = 0.25
         },
         {
             f"wind.{effect} {axis}_m_s": values
-            for effect in ("steady", "quadratic_drag")
+            for effect in ("steady", "both_drags")
             for axis, values in (("north", (-4.0, 0.0)), ("east", (0.0, 2.5)))
         },
     ),

@@ -14,7 +14,6 @@ from quadctl.effects.inflow import AxialInflow
 from quadctl.effects.rotor_drag import LinearDrag
 from quadctl.effects.tether import HangingTether
 from quadctl.effects.thrust_scale import ConstantScale
-from quadctl.effects.wind import QuadraticWind
 from quadctl.lab.arrays import Floats
 from quadctl.lab.fitting.fitted_model import fit_model
 from quadctl.lab.fitting.initial_guesses import Unmodelled
@@ -49,19 +48,17 @@ from tests.support.places import ROOT
 pytestmark = pytest.mark.long
 
 
-def test_a_wind_with_its_drag_gives_way_to_a_drag_and_a_tilted_thrust(tmp_path: Path) -> None:
-    """The wind alone explains a part of both; beside the drag it is not told from the tilt but by what that adds.
-    Either way of looking for another path finds it."""
+def test_a_drag_and_a_tilted_thrust_are_no_wind(tmp_path: Path) -> None:
+    """A wind alone explains a part of both; no other way of looking finds one."""
     (case,) = (c for c in all_cases("tuning") if c.truths == ("HubForce", "BentArms") and c.strength == 1.0)
     vehicle = load_model(ROOT / "config/vehicles/raptor.yaml").vehicle
     assert case.vehicle == vehicle.name
     flown = load_dataset(read_logs(fly_case(case, tmp_path).seen), vehicle)
     pool = of_families("wind", "rotor_drag", "thrust_tilt")
     first = greedy(flown, *pool)
-    assert sorted(first.missing) == ["rotor_drag", "wind"]
+    assert sorted(first.missing) == ["rotor_drag", "thrust_tilt"]
     for found in (with_one_dropped(first, pool, quiet), with_one_exchanged(first, pool, quiet)):
         assert sorted(found.missing) == ["rotor_drag", "thrust_tilt"]
-        assert found.latest["wind.steady"].p_value > 0.01
 
 
 def test_what_a_ground_effect_implies_counts_for_no_other_explanation(tmp_path: Path) -> None:
@@ -74,18 +71,14 @@ def test_what_a_ground_effect_implies_counts_for_no_other_explanation(tmp_path: 
     assert sorted(found.missing) == ["ground_effect", "thrust_scale"]
 
 
-def test_a_drag_that_stands_for_the_form_of_the_wind_gives_way_to_the_other_form(tmp_path: Path) -> None:
-    """With a wrong mass, a wind on a drag linear in the airspeed explains most; the mass, and a quadratic drag for what
-    the linear one lacks, come on top."""
+def test_a_wind_on_a_quadratic_drag_beside_a_wrong_mass_is_no_further_drag(tmp_path: Path) -> None:
     missions = (roam(60.0, 2.0, 6.0, 12.0), roam(45.0, 2.5, 5.0, 9.0, "steps"))
     hidden = {"wind": {"speed": 6.0, "course_deg": -110.0, "area": 0.03}, "thrust_scale": {"error": 0.06}}
     _, flown = in_rotorpy(Case("pair", "px4_quadx", missions, hidden, outdoors=True), tmp_path)
     pool = of_families("wind", "thrust_scale", "body_drag")
-    first = greedy(flown, *(effect for effect in pool if effect is not QuadraticWind))
-    assert sorted(first.missing) == ["body_drag", "thrust_scale", "wind"]
-    found = with_other_variant(first, pool)
-    assert [c.effect.name for c in found.chosen] == ["wind.quadratic_drag", "thrust_scale.constant"]
-    assert with_other_variant(found, pool) is found
+    first = greedy(flown, *pool)
+    assert sorted(first.missing) == ["thrust_scale", "wind"]
+    assert with_other_variant(first, pool).missing == first.missing
 
 
 def in_rotorpy(case: Case, folder: Path) -> tuple[Model, Dataset]:

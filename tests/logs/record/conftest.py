@@ -11,6 +11,7 @@ from quadctl.logs.flight_log import ATTITUDE, IMU, VELOCITY, FlightLog
 from tests.support.flights import flown_once
 
 Change = Callable[[FlightLog], FlightLog]
+AIR = {"d_x": 0.25, "d_y": 0.25, "d_z": 0.25}
 DRAG = ("rotor_drag.linear", {"d_x": 0.4, "d_y": 0.3, "d_z": 0.0})
 
 
@@ -19,6 +20,15 @@ def excited(tmp_path_factory: pytest.TempPathFactory, testrun_uid: str) -> Fligh
     """Everything moves, with an accelerometer of 0.3 m/s^2 noise per row, at a heading of 40 degrees."""
     where = tmp_path_factory.getbasetemp().parent / f"records-{testrun_uid}"
     return turned(with_imu(flown_once("excitation", [DRAG], 4, where)), 40.0)
+
+
+@pytest.fixture(scope="session")
+def in_wind(tmp_path_factory: pytest.TempPathFactory, testrun_uid: str) -> FlightLog:
+    """Everything moves, in a wind of 5 m/s from north-east."""
+    where = tmp_path_factory.getbasetemp().parent / f"records-{testrun_uid}"
+    wind = ("wind.steady", {"north_m_s": -4.0, "east_m_s": -3.0, "drag": 0.0})
+    frame = ("body_drag.quadratic", {"area_x_m2": 0.06, "area_y_m2": 0.06, "area_z_m2": 0.06})
+    return turned(flown_once("excitation", [("rotor_drag.linear", AIR), frame, wind], 7, where), 40.0)
 
 
 @pytest.fixture(scope="session")

@@ -37,6 +37,17 @@ def test_the_motion_of_another_point_is_that_of_the_centre_of_mass_again(
         assert np.nanstd((record.log[name] - excited[name])[flying]) < 0.02
 
 
+@pytest.mark.parametrize("arm_m", [None, (0.15, -0.1, 0.0)])
+def test_the_drag_of_a_wind_along_a_leaning_body_is_no_other_point(
+    in_wind: FlightLog, arm_m: tuple[float, float, float] | None
+) -> None:
+    """Across a body that leans by 20 degrees a wind of 5 m/s blows along its z axis with 1.7 m/s."""
+    log = in_wind if arm_m is None else at_point(in_wind, arm_m)
+    told = of_kind(examine(log).findings, Kind.LEVER_ARM, Kind.HEIGHT_ERROR)
+    arms = [] if arm_m is None else [[pytest.approx(part, abs=0.03) for part in arm_m]]
+    assert [found.figures["arm_m"] for found in told] == arms
+
+
 def test_an_attitude_that_was_commanded_is_put_on_the_clock_of_the_motion(excited: FlightLog) -> None:
     commanded = {name: excited[f"{name.removesuffix('_deg')}_cmd_deg"] for name in ATTITUDE}
     commanded = {name: np.where(np.isfinite(values), values, excited[name]) for name, values in commanded.items()}
