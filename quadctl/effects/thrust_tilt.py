@@ -1,6 +1,7 @@
 """Thrust tilt: the thrust axis is not the vertical axis of the body to which the attitude refers."""
 
 import math
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -34,6 +35,12 @@ class FixedTilt(Effect):
 
     def negligible(self) -> bool:
         return math.hypot(self.roll_deg, self.pitch_deg) < LEAST_DEG
+
+    def inseparable_from(
+        self, missing: Collection[str], ci95: Mapping[str, tuple[float, float]], span: Callable[[str], float]
+    ) -> Sequence[str]:
+        """A bias of the accelerometer, or a board that is mounted askew, by which an estimator levels."""
+        return ["imu_bias"] if span("levelled") else []
 
     def force(self, total_thrust_n: Number, c: Conditions, vehicle: Vehicle) -> Vector:
         roll, pitch = math.pi / 180.0 * self.roll_deg, math.pi / 180.0 * self.pitch_deg

@@ -17,7 +17,7 @@ from quadctl.lab.flights.flight import Flight
 from quadctl.lab.flights.prediction import PREDICT, measured_targets, predict_targets
 from quadctl.lab.flights.preparation import prepare
 from quadctl.lab.flights.timing import timed
-from quadctl.logs.flight_log import FlightLog
+from quadctl.logs.flight_log import MOTION_CAPTURE, FlightLog
 from quadctl.model import Model
 from quadctl.vehicle import Vehicle
 
@@ -181,7 +181,9 @@ class Dataset:
 
     def span(self, name: str) -> float:
         """Span of a variable over all flights (see `Flight.span`); 0 where it is not logged, and for a thrust that
-        follows disturbances."""
+        follows disturbances. `levelled` is 1 where an estimator, and no motion capture, tells what is level."""
+        if name == "levelled":
+            return float(any(flight.attitude_by != MOTION_CAPTURE for flight in self.flights))
         if name == "thrust_share" and not self.is_flown("thrust"):
             return 0.0
         ends = np.array([flight.span(name) for flight in self.flights])

@@ -30,6 +30,9 @@ NOTABLE_S = 0.01
 """Range of a delay that is told and corrected: faster motion than a quarter of its inverse is not analysed."""
 SIGMA = 4.0
 """Standard errors by which the delays must differ, or the delay from zero."""
+NORMAL_PER_MEDIAN, STD_OF_SCATTER = 1.4826, 1.17
+"""Standard deviation of normal values over the median of their size, and the standard deviation of that estimate times
+the root of their number."""
 DRIFTS_S, STRAIGHT, DRIFT_WINDOWS = 0.1, 0.9, 6
 """Range over which the rotors' delay drifts, share of its variance in a straight line, and number of windows, from
 which on they have a clock of their own. A constant delay belongs to the fit, as motors lag; one that only scatters is
@@ -70,6 +73,14 @@ class Delay:
         """Least and largest delay, one window in twenty left out at each end."""
         low, high = np.percentile(self.delay_s, [5.0, 95.0])
         return float(low), float(high)
+
+    def without_scatter(self) -> "Delay":
+        """The median in every window where the delays scatter about it as their errors say; by the median deviation,
+        as a window in which hardly anything turns may be far off."""
+        middle = float(np.median(self.delay_s))
+        scatter = NORMAL_PER_MEDIAN * float(np.median(np.abs(self.delay_s - middle) / self.error_s))
+        usual = 1.0 + SIGMA * STD_OF_SCATTER / math.sqrt(len(self.delay_s))
+        return self if scatter > usual else replace(self, delay_s=np.full(len(self.delay_s), middle))
 
     def is_clear(self) -> bool:
         """Tell whether it is there, beyond its error and beyond what matters."""
@@ -172,7 +183,8 @@ def aligned(log: FlightLog, flights: tuple[Span, ...]) -> tuple[FlightLog, list[
     The motion is the third witness: a vehicle accelerates to where it leans. Where the attitude is early and the rates
     are in time with the motion, it is the attitude that is moved: it may be a setpoint.
     """
-    delay = delay_of_rates(log, flights)
+    found = delay_of_rates(log, flights)
+    delay = None if found is None else found.without_scatter()
     if delay is None or not delay.is_clear():
         return log, []
     groups = [group for group in (RATES, IMU) if all(log.has(name) for name in group)]

@@ -229,6 +229,14 @@ def test_a_delay_that_wanders_is_found_told_and_taken_out(excited: FlightLog, mi
     assert off(record.log) < 0.5 * off(late)
 
 
+def test_a_constant_delay_under_noise_does_not_wander(excited: FlightLog) -> None:
+    t, rng = excited.time_s, np.random.default_rng(3)
+    late = {name: np.interp(t - 0.02, t, excited[name]) for name in (*RATES, *IMU)}
+    noisy = {name: excited[name] + rng.normal(0.0, 0.4, len(t)) for name in ATTITUDE}
+    (told,) = of_kind(examine(having(excited, **late, **noisy)).findings, Kind.DELAY)
+    assert told.figures["least_s"] == told.figures["most_s"] == pytest.approx(0.02, abs=0.004)
+
+
 def test_a_clock_that_jumps_ahead_in_flight_is_told(excited: FlightLog) -> None:
     """The vehicle flies at 1 m/s or more there, and stands where it was before the jump."""
     fast = np.hypot(excited["vx_m_s"], excited["vy_m_s"])
