@@ -41,7 +41,7 @@ def diagnosed(trap: Trap, folder: Path) -> dict[str, Any]:
     command = [sys.executable, "-m", "quadctl", "diagnose", str(model_file(trap, folder)), *logs]
     run = subprocess.run([*command, "--json", str(answer)], check=False, capture_output=True, text=True)
     if run.returncode:
-        return {"verdict": "refused", "sentence": run.stderr.strip()}
+        return {"verdict": "refused", "sentence": run.stderr.strip(), "missing": [], "ladder": [], "ranking": []}
     result: dict[str, Any] = json.loads(answer.read_text(encoding="utf-8"))
     return result
 
