@@ -1,6 +1,7 @@
 """The flights that are meant to fool the lab obey Newton's laws, and their judge tells true answers from false ones."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +14,7 @@ from studies.worlds.traps.flights import CONTROLS, TRAPS, SlungLoad
 from studies.worlds.traps.judgement import Honest, Outcome, judge
 from studies.worlds.traps.second import SECOND
 from studies.worlds.traps.simulation import VEHICLES, Leg, World, fly, turning
+from studies.worlds.traps.third import ARMS_M, MASS_KG, SPIN, THIRD, commanded_thrusts
 
 pytestmark = pytest.mark.long
 
@@ -39,9 +41,9 @@ def _silent(verdict: str) -> dict[str, Any]:
     return {"verdict": verdict, "missing": [], "confounded": [], "ladder": [], "ranking": []}
 
 
-def test_there_are_twice_ten_traps_and_their_names_differ() -> None:
-    assert len(TRAPS) == len(SECOND) == 10
-    assert len({trap.name for trap in (*CONTROLS, *TRAPS, *SECOND)}) == len(CONTROLS) + len(TRAPS) + len(SECOND)
+def test_there_are_three_times_ten_traps_and_their_names_differ() -> None:
+    assert len(TRAPS) == len(SECOND) == len(THIRD) == 10
+    assert len({trap.name for trap in (*CONTROLS, *TRAPS, *SECOND, *THIRD)}) == len(CONTROLS) + 30
 
 
 def test_a_trap_of_two_flights_has_two_logs_of_different_names() -> None:
@@ -109,6 +111,12 @@ def test_the_judge_sees_an_effect_that_is_not_there() -> None:
     assert judge(CLEAN, _named("wind")) is Outcome.FOOLED
 
 
+def test_the_judge_wants_to_hear_of_what_no_family_explains() -> None:
+    beyond = replace(DRAG, beyond=True)
+    assert judge(beyond, _named("rotor_drag") | {"unexplained": False}) is Outcome.MISSED
+    assert judge(beyond, _named("rotor_drag") | {"unexplained": True}) is Outcome.HONEST
+
+
 def test_the_judge_takes_each_of_several_true_values_and_nothing_between_them() -> None:
     days = Honest("one of two days", {"rotor_drag"}, either={"rotor_drag.linear d_x": (0.0, 0.8)})
     assert judge(days, _named("rotor_drag", (0.7, 0.9))) is Outcome.HONEST
@@ -125,3 +133,13 @@ def test_silence_about_an_effect_is_a_miss_and_a_fault_in_a_clean_flight_is_fals
     assert judge(DRAG, _silent("none")) is Outcome.MISSED
     assert judge(CLEAN, _silent("none")) is Outcome.HONEST
     assert judge(CLEAN, _silent("unexplained")) is Outcome.FOOLED
+
+
+def test_the_controller_of_the_third_set_carries_the_weight_and_turns_only_where_it_should() -> None:
+    still, level = np.zeros(3), np.eye(3)
+    turning_right = np.array([0.1, 0.0, 0.0])
+    thrust_n = commanded_thrusts(still, still, level, still, (still, still, still, 0.0))
+    against_n = commanded_thrusts(still, still, level, turning_right, (still, still, still, 0.0)) - thrust_n
+    assert thrust_n == pytest.approx(np.full(4, MASS_KG * 9.81 / 4))
+    assert [against_n.sum(), against_n @ ARMS_M[:, 0], against_n @ SPIN] == pytest.approx([0.0, 0.0, 0.0], abs=1e-9)
+    assert -against_n @ ARMS_M[:, 1] == pytest.approx(-0.0075 * 13.0 * 0.1)

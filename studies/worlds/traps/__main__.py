@@ -10,6 +10,8 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+import yaml
+
 from quadctl.logs.csv_log import write_csv
 from studies.page import table as page_table
 from studies.page import write_page
@@ -17,6 +19,16 @@ from studies.worlds.traps.flights import CONTROLS, TRAPS
 from studies.worlds.traps.judgement import Outcome, Trap, intervals, judge, said
 from studies.worlds.traps.second import SECOND
 from studies.worlds.traps.simulation import VEHICLES
+from studies.worlds.traps.third import THIRD
+
+
+def model_file(trap: Trap, folder: Path) -> Path:
+    """Model file of a trap; one of the user's own is written to `folder`."""
+    if isinstance(trap.vehicle, str):
+        return VEHICLES / f"{trap.vehicle}.yaml"
+    path = folder / f"{trap.name}.yaml"
+    path.write_text(yaml.safe_dump(dict(trap.vehicle)), encoding="utf-8")
+    return path
 
 
 def diagnosed(trap: Trap, folder: Path) -> dict[str, Any]:
@@ -26,10 +38,10 @@ def diagnosed(trap: Trap, folder: Path) -> dict[str, Any]:
     for flight in trap.generate():
         logs.append(str(folder / flight.name))
         write_csv(flight, folder / flight.name)
-    command = [sys.executable, "-m", "quadctl", "diagnose", str(VEHICLES / f"{trap.vehicle}.yaml"), *logs]
+    command = [sys.executable, "-m", "quadctl", "diagnose", str(model_file(trap, folder)), *logs]
     run = subprocess.run([*command, "--json", str(answer)], check=False, capture_output=True, text=True)
     if run.returncode:
-        return {"verdict": "refused", "sentence": run.stderr.strip()}
+        return {"verdict": "refused", "sentence": run.stderr.strip(), "missing": [], "ladder": [], "ranking": []}
     result: dict[str, Any] = json.loads(answer.read_text(encoding="utf-8"))
     return result
 
@@ -69,9 +81,10 @@ INTRODUCTION = """# Traps
 
 Written by `python -m studies.worlds.traps --page docs/traps.md`. Flights that are meant to make `quadctl diagnose` say
 something false with confidence: name an effect that is not there, give a 95 % interval without the truth, or call a
-clean vehicle faulty. Two authors who had not read the lab wrote ten each, in a
-[simulation of their own](../studies/worlds/traps/simulation.py), with the honest answers, before the lab had seen a
-flight. `unexplained` is always honest, and so is a confounded pair where one of the two is true.
+clean vehicle faulty. Three authors who had not read the lab wrote ten each, in
+[simulations](../studies/worlds/traps/simulation.py) [of their own](../studies/worlds/traps/third.py), with the honest
+answers, before the lab had seen a flight. `unexplained` is always honest, and so is a confounded pair where one of the
+two is true.
 """
 
 
@@ -88,9 +101,10 @@ def page(
     controls: Sequence[tuple[Trap, Mapping[str, Any]]],
     traps: Sequence[tuple[Trap, Mapping[str, Any]]],
     second: Sequence[tuple[Trap, Mapping[str, Any]]],
+    third: Sequence[tuple[Trap, Mapping[str, Any]]],
 ) -> str:
     """Markdown of the study, without its notes."""
-    groups = (("The ten", traps), ("The second ten", second))
+    groups = (("The ten", traps), ("The second ten", second), ("The third ten", third))
     fooled = sum(judge(trap.honest, result) is Outcome.FOOLED for trap, result in controls)
     plain = f"Of {len(controls)} plain flights, which check the simulation, {fooled} fooled it.\n"
     return "\n".join([INTRODUCTION, *(section(title, group) for title, group in groups), plain])
@@ -101,12 +115,12 @@ def main() -> None:
     parser = argparse.ArgumentParser(prog="python -m studies.worlds.traps", description=__doc__)
     parser.add_argument("--page", type=Path, help="page to write")
     parser.add_argument(
-        "--only", choices=[trap.name for trap in (*CONTROLS, *TRAPS, *SECOND)], nargs="+", help="some of them"
+        "--only", choices=[trap.name for trap in (*CONTROLS, *TRAPS, *SECOND, *THIRD)], nargs="+", help="some of them"
     )
     arguments = parser.parse_args()
     groups: list[list[tuple[Trap, Mapping[str, Any]]]] = []
     with tempfile.TemporaryDirectory() as folder:
-        for group in (CONTROLS, TRAPS, SECOND):
+        for group in (CONTROLS, TRAPS, SECOND, THIRD):
             groups.append([])
             for trap in group:
                 if arguments.only and trap.name not in arguments.only:

@@ -29,6 +29,8 @@ class Honest:
     """Lowest and highest true value by `effect parameter`: the 95 % interval must hold at least one between them."""
     either: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
     """True values by `effect parameter` where flights differ or two conventions are right: it must hold one of them."""
+    beyond: bool = False
+    """Much is missing that no family explains: to name families and not to call the rest unexplained is to miss it."""
 
 
 @dataclass(frozen=True)
@@ -36,7 +38,8 @@ class Trap:
     """One flight or more, the vehicle file that the lab gets, and what it may say."""
 
     name: str
-    vehicle: str
+    vehicle: str | Mapping[str, Any]
+    """Name of a file that comes with quadctl, or the content of a file of the user's own."""
     honest: Honest
     text: str
     generate: Callable[[], Sequence[FlightLog]]
@@ -62,7 +65,7 @@ def judge(honest: Honest, result: Mapping[str, Any]) -> Outcome:
         values = honest.either.get(f"{effect} {parameter}", (low,))
         if not any(low <= value <= high for value in values):
             return Outcome.FOOLED
-    return Outcome.HONEST
+    return Outcome.MISSED if honest.beyond and not result["unexplained"] else Outcome.HONEST
 
 
 def intervals(result: Mapping[str, Any]) -> Iterable[tuple[str, str, tuple[float, float]]]:
