@@ -40,7 +40,7 @@ class FixedTilt(Effect):
         self, missing: Collection[str], ci95: Mapping[str, tuple[float, float]], span: Callable[[str], float]
     ) -> Sequence[str]:
         """A bias of the accelerometer, or a board that is mounted askew, by which an estimator levels."""
-        return ["imu_bias"] if span("levelled") else []
+        return ["imu_bias"] if span("levelled") and "imu_bias" not in missing else []
 
     def force(self, total_thrust_n: Number, c: Conditions, vehicle: Vehicle) -> Vector:
         roll, pitch = math.pi / 180.0 * self.roll_deg, math.pi / 180.0 * self.pitch_deg

@@ -121,7 +121,9 @@ class WindOfBothDrags(_Wind):
     along z."""
 
     name: ClassVar[str] = "wind.both_drags"
-    source: ClassVar[str] = "Galilean relativity; Hattenberger et al. 2022: rotors drag linearly, the frame quadratically"
+    source: ClassVar[str] = (
+        "Galilean relativity; Hattenberger et al. 2022: rotors drag linearly, the frame quadratically"
+    )
 
     north_m_s: float = parameter(0.5, -25.0, 25.0, "m/s", "velocity of the air toward north")
     east_m_s: float = parameter(0.5, -25.0, 25.0, "m/s", "velocity of the air toward east")

@@ -181,9 +181,10 @@ class Dataset:
 
     def span(self, name: str) -> float:
         """Span of a variable over all flights (see `Flight.span`); 0 where it is not logged, and for a thrust that
-        follows disturbances. `levelled` is 1 where an estimator, and no motion capture, tells what is level."""
+        follows disturbances. `levelled` is 1 where an estimator tells by the logged accelerometer, and no motion
+        capture, what is level."""
         if name == "levelled":
-            return float(any(flight.attitude_by != MOTION_CAPTURE for flight in self.flights))
+            return float(any(f.sensed is not None and f.attitude_by != MOTION_CAPTURE for f in self.flights))
         if name == "thrust_share" and not self.is_flown("thrust"):
             return 0.0
         ends = np.array([flight.span(name) for flight in self.flights])

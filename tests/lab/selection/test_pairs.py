@@ -27,8 +27,9 @@ class Found:
         return self.effect.family()
 
 
-def pairs(missing: list[str], *found: Any, speed_m_s: float = 3.0) -> list[tuple[str, str]]:
-    return _inseparable(missing, [cast(Candidate, each) for each in found], {"speed": speed_m_s}.__getitem__)
+def pairs(missing: list[str], *found: Any, speed_m_s: float = 3.0, levelled: float = 0.0) -> list[tuple[str, str]]:
+    span = {"speed": speed_m_s, "levelled": levelled}.__getitem__
+    return _inseparable(missing, [cast(Candidate, each) for each in found], span)
 
 
 DOWN = Found(LinearDrag(0.3, 0.3, 0.3), {"d_x": (0.28, 0.32), "d_y": (0.28, 0.32), "d_z": (0.25, 0.35)})
@@ -58,3 +59,9 @@ def test_an_inflow_may_be_a_drag_where_nobody_flew_sideward() -> None:
 @pytest.mark.parametrize("found", [[BIAS, TILT], [TILT, GROUND, BIAS]])
 def test_a_bias_with_a_tilt_may_be_an_error_of_the_attitude(found: list[Found]) -> None:
     assert pairs([each.family for each in found], *found) == [("imu_bias", "thrust_tilt")]
+
+
+def test_a_tilt_may_be_a_bias_by_which_the_estimator_levels() -> None:
+    assert pairs(["thrust_tilt"], TILT, levelled=1.0) == [("thrust_tilt", "imu_bias")]
+    assert pairs(["thrust_tilt"], TILT, levelled=0.0) == []
+    assert pairs(["imu_bias", "thrust_tilt"], BIAS, TILT, levelled=1.0) == [("imu_bias", "thrust_tilt")]
