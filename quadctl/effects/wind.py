@@ -150,8 +150,8 @@ class WindOfBothDrags(_Wind):
 
 @dataclass(frozen=True)
 class WindOfEachFlight(PerFlight, WindOfBothDrags):
-    """A steady wind as `wind.both_drags`, with a velocity of its own for each flight after the first: `north_2_m_s` is that
-    of the second flight."""
+    """A steady wind as `wind.both_drags`, with a velocity of its own for each flight after the first: `north_2_m_s` is
+    that of the second flight."""
 
     name: ClassVar[str] = "wind.each_flight"
     physics: ClassVar[str] = "A wind that is steady in each flight, and not the same in all of them."
