@@ -16,7 +16,7 @@ from quadctl.effects.sensors import SENSOR_ERRORS
 from quadctl.errors import LogError
 from quadctl.lab.arrays import Floats
 from quadctl.lab.sensors.heights import BIN_S, READINGS, SOUGHT, Heights, NoReference
-from quadctl.lab.sensors.inertial import above_ground, freed
+from quadctl.lab.sensors.inertial import above_ground, freed, with_unsure_gains
 from quadctl.lab.sensors.wander import Estimate, Noise, Rows, estimate, learned, learned_with_gains, stacked
 from quadctl.logs.contradictions import MAX_FACTOR
 from quadctl.sensor_model import FittedError, SensorModel
@@ -32,7 +32,7 @@ WIND_STEP_M_S, SCALE_STEP = 0.1, 0.05
 """Steps of the derivatives by a wind, and by the logarithm of a scale."""
 SCALE_STD = 1.0
 """Standard deviation of the logarithm of a scale about the best of those that were tried."""
-STEPS, LARGEST_STEP = 4, 0.5
+STEPS, LARGEST_STEP = 6, 0.5
 """Linearisations of a fit, and largest change of the logarithm of a scale in one."""
 MOST = 99.0
 """Percentile that counts as the largest value."""
@@ -244,6 +244,14 @@ def _linear(error: SensorError) -> list[str]:
     return [name for name in error.values() if name not in error.scales]
 
 
+def _usual(errors: Sequence[SensorError], n: int) -> Floats:
+    """Precision of `n` coefficients before the flight: bounds are two standard deviations from the middle, and of those
+    beyond the errors' own nothing is known."""
+    bounds = {(e.name, p.name): p.high - p.low for e in errors for p in e.parameters()}
+    known = [(4.0 / bounds[error.name, name]) ** 2 for error in errors for name in _linear(error)]
+    return np.array([*known, *[0.0] * (n - len(known))])
+
+
 def _unit(error: SensorError, name: str) -> SensorError:
     """The error with one linear parameter at 1 and the others at 0."""
     return replace(error, **{other: float(other == name) for other in _linear(error)})
@@ -303,7 +311,7 @@ def _beside_best(flight: Heights, tried: Sequence[SensorError]) -> Heights:
         if likelihood < by_gps.log_likelihood or _spread(fit, n) > _spread(by_gps, n):
             return flight
         beside = replace(flight, above_ground_m=above_ground(flight, _with_values(tried, fit.value), gains))
-    return freed(beside, estimated, gains)
+    return with_unsure_gains(freed(beside, estimated, gains), estimated)
 
 
 def _spread(fit: Estimate, n: int) -> float:
@@ -342,11 +350,12 @@ def _fitted(
     names = [(error.name, name) for error in errors for name in _linear(error)]
     windy = any(error.feels_wind for error in errors)
     scales = [(error.name, name) for error in errors for name in error.scales] if with_scales else []
-    fit = estimate(_rows(flights, errors, winds), noise)
-    n = fit.value.size
+    rows = _rows(flights, errors, winds)
+    n = rows.columns.shape[1]
+    fit = estimate(rows, noise, _usual(errors, n))
     usual = np.concatenate([np.ravel(winds), [0.0] * len(scales)])
     precision = np.concatenate(
-        [np.zeros(n), np.repeat([f.wind_std_m_s**-2 for f in flights], 2), np.full(len(scales), SCALE_STD**-2)]
+        [_usual(errors, n), np.repeat([f.wind_std_m_s**-2 for f in flights], 2), np.full(len(scales), SCALE_STD**-2)]
     )
     log_scales = np.zeros(len(scales))
     for _ in range(STEPS if windy or scales else 0):
@@ -458,7 +467,7 @@ def _unseen(flights: Sequence[Heights], errors: Sequence[SensorError], noise: No
     found = []
     for block in _blocks(flights):
         seen = Rows(rows.time_s[~block], rows.flight[~block], rows.columns[~block], rows.target[~block])
-        others = estimate(seen, noise)
+        others = estimate(seen, noise, _usual(errors, rows.columns.shape[1]))
         variances, axes = np.linalg.eigh(others.covariance[:n, :n])
         spread = rows.columns[block, :n] @ (axes * np.sqrt(np.maximum(variances, 0.0)))
         nuisances = rows.columns[block, n:]

@@ -25,6 +25,16 @@ def freed(flight: Heights, estimated: Estimated, gains: Floats) -> Heights:
     return replace(flight, reference=Reference.ESTIMATE, true_m=true, nuisances=nuisances)
 
 
+def with_unsure_gains(flight: Heights, estimated: Estimated) -> Heights:
+    """The freed flight, whose gains are not quite known.
+
+    The integrals are those up to the begin of a bin, which do not hold the noise of that bin.
+    """
+    apart = flight.reading_m - estimated.height_m
+    before = estimated.followed_m_s - 0.5 * BIN_S * np.stack([apart - np.median(apart), 0.0 * apart], axis=1)
+    return replace(flight, nuisances=np.column_stack([flight.nuisances, before - before.mean(axis=0)]))
+
+
 def above_ground(flight: Heights, errors: Sequence[SensorError], gains: Floats) -> Floats:
     """Height above the ground without these errors, as the estimator followed them from its rest, m, shape (n,)."""
     error = sum((np.asarray(one.error_m(flight.conditions(flight.wind_ne_m_s))) for one in errors), np.zeros(1))
