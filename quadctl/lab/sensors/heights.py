@@ -1,6 +1,6 @@
 """Readings of the sensors of the height in a log, and a reference that does not lean on them."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import StrEnum
 from typing import NamedTuple
 
@@ -136,15 +136,18 @@ def heights(log: FlightLog, sensor: str) -> Heights | NoReference:
     if not log.has(READINGS[sensor]):
         return NoReference.NONE
     record = examine(log)
+    if of_kind(record.findings, Kind.HEIGHT_ERROR):  # which is what is looked for here
+        as_logged = {name: np.interp(record.log.time_s, log.time_s, log[name]) for name in ("z_m", "vz_m_s")}
+        record = replace(record, log=replace(record.log, columns={**record.log.columns, **as_logged}))
     known, reason = references(record.log, sensor)
     for kind, true_m in known.items():
-        found = _binned(record, sensor, kind, true_m, log)
+        found = _binned(record, sensor, kind, true_m)
         if found is not None:
             return found
     return reason
 
 
-def _binned(record: Record, sensor: str, kind: Reference, true_m: Floats, raw: FlightLog) -> Heights | None:
+def _binned(record: Record, sensor: str, kind: Reference, true_m: Floats) -> Heights | None:
     log = record.log
     flying = within(log.time_s, record.flights)
     if not flying.any():
@@ -185,7 +188,7 @@ def _binned(record: Record, sensor: str, kind: Reference, true_m: Floats, raw: F
     scatter = (each - true_m)[updates] - (reading - true)[number[updates]]
     estimated = None
     if sensor == "barometer" and kind is Reference.DOPPLER and log.has("z_m"):
-        height, followed, apart = _estimated(record, raw, true_m)
+        height, followed, apart = _estimated(log, true_m)
         columns = np.stack([mean(each)[rows] for each in (height, *followed.T, apart)], axis=1)
         estimated = Estimated(columns[:, 0], columns[:, 1:3], columns[:, 3]) if np.isfinite(columns).all() else None
     throttle = log["throttle_cmd"][flying] if log.has("throttle_cmd") else np.array([])
@@ -254,11 +257,9 @@ def _above_rest(height_m: Floats, flying: np.ndarray, from_ground: bool) -> Floa
     return height_m if from_ground else np.asarray(height_m - np.nanmin(height_m))
 
 
-def _estimated(record: Record, raw: FlightLog, true_m: Floats) -> tuple[Floats, Floats, Floats]:
-    """Height by the estimator, before the record took an error away, and the integrals of `Estimated`, at the log's
-    rows."""
-    log = record.log
-    height = np.interp(log.time_s, raw.time_s, raw["z_m"]) if of_kind(record.findings, Kind.HEIGHT_ERROR) else log["z_m"]
+def _estimated(log: FlightLog, true_m: Floats) -> tuple[Floats, Floats, Floats]:
+    """Height by the estimator and the integrals of `Estimated`, at the log's rows."""
+    height = log["z_m"]
     step = np.diff(log.time_s, prepend=log.time_s[0])
 
     def integral(values: Floats) -> Floats:
