@@ -16,8 +16,8 @@ from quadctl.effects.sensors import SENSOR_ERRORS
 from quadctl.errors import LogError
 from quadctl.lab.arrays import Floats
 from quadctl.lab.sensors.heights import BIN_S, READINGS, SOUGHT, Heights, NoReference
-from quadctl.lab.sensors.inertial import above_ground, freed, with_unsure_gains
-from quadctl.lab.sensors.wander import Estimate, Noise, Rows, estimate, learned, learned_with_gains, stacked
+from quadctl.lab.sensors.inertial import above_ground, freed, with_unsure_gain
+from quadctl.lab.sensors.wander import Estimate, Noise, Rows, estimate, learned, learned_with_gain, stacked
 from quadctl.logs.contradictions import MAX_FACTOR
 from quadctl.sensor_model import FittedError, SensorModel
 
@@ -302,16 +302,17 @@ def _beside_best(flight: Heights, tried: Sequence[SensorError]) -> Heights:
     rows = _rows([flight], tried, _no_wind([flight]))
     noise = learned(rows)
     by_gps = estimate(rows, noise)
-    followed = estimated.followed_m_s - estimated.followed_m_s.mean(axis=0)
+    followed = estimated.followed_m_s[:, 0]
     beside, n = flight, sum(len(_linear(error)) for error in tried)
     for _ in range(2):  # the height above the ground depends on the errors
-        rows = _rows([freed(beside, estimated, np.zeros(2))], tried, _no_wind([flight]))
-        noise, gains, likelihood = learned_with_gains(rows, followed, BIN_S)
-        fit = estimate(rows._replace(target=rows.target + followed @ gains), noise)
+        rows = _rows([freed(beside, estimated, 0.0)], tried, _no_wind([flight]))
+        noise, gain, likelihood = learned_with_gain(rows, followed, BIN_S)
+        fit = estimate(rows._replace(target=rows.target + gain * followed), noise)
         if likelihood < by_gps.log_likelihood or _spread(fit, n) > _spread(by_gps, n):
             return flight
+        gains = gain, float(fit.value[-1])
         beside = replace(flight, above_ground_m=above_ground(flight, _with_values(tried, fit.value), gains))
-    return with_unsure_gains(freed(beside, estimated, gains), estimated)
+    return with_unsure_gain(freed(beside, estimated, gain), estimated)
 
 
 def _spread(fit: Estimate, n: int) -> float:

@@ -62,7 +62,7 @@ class Estimated(NamedTuple):
 
     height_m: Floats
     followed_m_s: Floats
-    """Reading minus this height, integrated once and twice over time (m s, m s^2), shape (n, 2)."""
+    """Reading minus this height, integrated once and twice over time (m s, m s^2), about the mean, shape (n, 2)."""
     apart_m_s: Floats
     """Reference minus this height, integrated over time."""
 
@@ -190,6 +190,7 @@ def _binned(record: Record, sensor: str, kind: Reference, true_m: Floats) -> Hei
     if sensor == "barometer" and kind is Reference.DOPPLER and log.has("z_m"):
         height, followed, apart = _estimated(log, true_m)
         columns = np.stack([mean(each)[rows] for each in (height, *followed.T, apart)], axis=1)
+        columns[:, 1:] -= columns[:, 1:].mean(axis=0)
         estimated = Estimated(columns[:, 0], columns[:, 1:3], columns[:, 3]) if np.isfinite(columns).all() else None
     throttle = log["throttle_cmd"][flying] if log.has("throttle_cmd") else np.array([])
     throttle = throttle[np.isfinite(throttle)]

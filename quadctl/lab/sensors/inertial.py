@@ -17,25 +17,26 @@ from quadctl.lab.arrays import Floats
 from quadctl.lab.sensors.heights import BIN_S, Estimated, Heights, Reference
 
 
-def freed(flight: Heights, estimated: Estimated, gains: Floats) -> Heights:
-    """The flight beside its estimated height, freed of the barometer's corrections with these gains."""
-    true = estimated.height_m - (estimated.followed_m_s - estimated.followed_m_s.mean(axis=0)) @ gains
+def freed(flight: Heights, estimated: Estimated, gain_1_s: float) -> Heights:
+    """The flight beside its estimated height, freed of the barometer's corrections with this gain of the first.
+
+    The second gain, that of the last nuisance, is a coefficient like others: a double integral does not hold the noise
+    of its own bin.
+    """
+    true = estimated.height_m - gain_1_s * estimated.followed_m_s[:, 0]
     time = flight.time_s - flight.time_s.mean()
-    nuisances = np.stack([(time / time[-1]) ** 2, estimated.apart_m_s], axis=1)
+    nuisances = np.stack([(time / time[-1]) ** 2, estimated.apart_m_s, -estimated.followed_m_s[:, 1]], axis=1)
     return replace(flight, reference=Reference.ESTIMATE, true_m=true, nuisances=nuisances)
 
 
-def with_unsure_gains(flight: Heights, estimated: Estimated) -> Heights:
-    """The freed flight, whose gains are not quite known.
-
-    The integrals are those up to the begin of a bin, which do not hold the noise of that bin.
-    """
+def with_unsure_gain(flight: Heights, estimated: Estimated) -> Heights:
+    """The freed flight, whose first gain is not quite known: beside the integral up to the begin of each bin."""
     apart = flight.reading_m - estimated.height_m
-    before = estimated.followed_m_s - 0.5 * BIN_S * np.stack([apart - np.median(apart), 0.0 * apart], axis=1)
-    return replace(flight, nuisances=np.column_stack([flight.nuisances, before - before.mean(axis=0)]))
+    before = estimated.followed_m_s[:, 0] - 0.5 * BIN_S * (apart - np.median(apart))
+    return replace(flight, nuisances=np.column_stack([flight.nuisances, before]))
 
 
-def above_ground(flight: Heights, errors: Sequence[SensorError], gains: Floats) -> Floats:
+def above_ground(flight: Heights, errors: Sequence[SensorError], gains: tuple[float, float]) -> Floats:
     """Height above the ground without these errors, as the estimator followed them from its rest, m, shape (n,)."""
     error = sum((np.asarray(one.error_m(flight.conditions(flight.wind_ne_m_s))) for one in errors), np.zeros(1))
     even = np.arange(flight.time_s[0], flight.time_s[-1] + BIN_S, BIN_S)

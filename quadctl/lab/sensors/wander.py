@@ -18,8 +18,8 @@ PROCESSES = 2
 START = ((0.5, 0.02, 2.0, 0.05, 60.0), (0.5, 0.2, 5.0, 0.5, 300.0))
 """Starts of the search: white noise as a share of the difference's change from row to row, then size, m, and time, s,
 of each process."""
-GAINS = (0.3, 0.03)
-"""Start of the search of gains, 1/s and 1/s^2."""
+GAIN_1_S = 0.3
+"""Start of the search of a gain."""
 LEAST_M, SHORTEST_S, LONGEST_S = 1e-4, 0.2, 1e5
 """Bounds of the noise: sizes, and times."""
 
@@ -76,37 +76,36 @@ def estimate(rows: Rows, noise: Noise, prior: Floats | None = None) -> Estimate:
 
 def learned(rows: Rows) -> Noise:
     """The noise that is most likely, whatever the coefficients."""
-    return learned_with_gains(rows, np.empty((len(rows.target), 0)), 0.0)[0]
+    return learned_with_gain(rows, None, 0.0)[0]
 
 
-def learned_with_gains(rows: Rows, feedback: Floats, step_s: float) -> tuple[Noise, Floats, float]:
-    """Noise and gains, shape (k,), of which the rows' target with `feedback`, shape (n, k), times gains is most likely;
-    and its restricted log likelihood.
+def learned_with_gain(rows: Rows, followed: Floats | None, step_s: float) -> tuple[Noise, float, float]:
+    """Noise and gain, 1/s, for which the rows' target plus gain times `followed` is most likely; and its restricted log
+    likelihood.
 
-    The first column of `feedback` is an integral of the target over time, up to the middle of each step: a larger gain
-    spreads the target, which costs the logarithm of the Jacobian's determinant.
+    `followed` is the integral of the target over time, up to the middle of each step: a larger gain spreads the target,
+    which costs the logarithm of the Jacobian's determinant. Without it the gain is 0.
     """
     change = max(float(np.median(np.abs(np.diff(rows.target)))), 1e-3)
-    k = feedback.shape[1]
+    parts = len(START[0])
+
+    def gain_of(logarithms: Floats) -> float:
+        return 0.0 if followed is None else float(np.exp(np.clip(logarithms[parts], -14.0, 4.0)))
 
     def cost(logarithms: Floats) -> float:
-        noise, gains = _noise(logarithms[: len(START[0])]), _gains(logarithms)
+        gain = gain_of(logarithms)
         beyond = np.sum(np.maximum(np.abs(logarithms) - 14.0, 0.0))  # keeps the search where numbers are
-        spread = len(rows.target) * np.log1p(0.5 * step_s * gains[0]) if k else 0.0
-        there = rows._replace(target=rows.target + feedback @ gains) if k else rows
-        return float(beyond - spread) - estimate(there, noise).log_likelihood
+        there = rows if followed is None else rows._replace(target=rows.target + gain * followed)
+        spread = len(rows.target) * np.log1p(0.5 * step_s * gain)
+        return float(beyond - spread) - estimate(there, _noise(logarithms[:parts])).log_likelihood
 
     found = []
     for white, *others in START:
-        start = np.log([white * change, *others, *GAINS[:k]])
-        options = {"maxiter": 400 + 150 * k, "xatol": 0.02, "fatol": 0.02}
+        start = np.log([white * change, *others, *([] if followed is None else [GAIN_1_S])])
+        options = {"maxiter": 80 * len(start), "xatol": 0.02, "fatol": 0.02}
         found.append(minimize(cost, start, method="Nelder-Mead", options=options))
     best = min(found, key=lambda one: float(one.fun))
-    return _noise(best.x[: len(START[0])]), _gains(best.x), -float(best.fun)
-
-
-def _gains(logarithms: Floats) -> Floats:
-    return np.asarray(np.exp(np.clip(logarithms[len(START[0]) :], -14.0, 4.0)))
+    return _noise(best.x[:parts]), gain_of(best.x), -float(best.fun)
 
 
 def _noise(logarithms: Floats) -> Noise:
