@@ -339,9 +339,7 @@ def _with_best_scale(
     return min(scaled, key=lambda one: estimate(_rows(flights, [*beside, one], _no_wind(flights)), noise).misfit)
 
 
-def _fitted(
-    flights: Sequence[Heights], errors: Sequence[SensorError], noise: Noise, with_scales: bool = False
-) -> _Fit:
+def _fitted(flights: Sequence[Heights], errors: Sequence[SensorError], noise: Noise, with_scales: bool = False) -> _Fit:
     """Parameters of all errors, with the wind of each flight as the lean tells it and as far as it is known.
 
     The errors are not linear in the wind, nor in their scales, which stay as they are unless `with_scales`: they are

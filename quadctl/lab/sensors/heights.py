@@ -254,7 +254,7 @@ def _above_rest(height_m: Floats, flying: np.ndarray, from_ground: bool) -> Floa
     """Height above where the vehicle rests; where that is not known, above the ground, or the lowest place."""
     resting = height_m[~flying]
     if np.isfinite(resting).any():
-        return np.asarray(height_m - np.nanmin(resting))
+        return np.asarray(height_m - np.nanmedian(resting))
     return height_m if from_ground else np.asarray(height_m - np.nanmin(height_m))
 
 
