@@ -30,9 +30,10 @@ had not read the [method](sensors.md) adds a barometer with noise of 5 to 10 cm,
 on two to four sides, and ground errors of 0.2 to 0.4 m that fade over 0.3 to 0.6 m; in every second flight also a
 force. *Within* counts true values in their 95 % intervals. The command prints each case.
 
-The method was mended twice: after a first, blind table (6 of 12 and 11 of 12 named, and 6 false names of the ground,
-all with GPS), and after a second (beside motion capture, 0 of 3 errors of the air speed). Known limits: with GPS the
-wander of the climb rate hides errors; the interval at the ground takes the fading height as known.
+The method was mended with the first tables of these cases in sight (6 of 12 and 11 of 12 named; then, with GPS, 3 of 5
+and 3 of 4), so the figures to trust are those of 66 fresh draws: air speed named in 43 of 44 and ground in 42 of 44, no
+false name; 369 of 396 coefficients of the air speed within their intervals. What is missed there are errors of 0.1 at
+4 m/s in a hall, and shallow ones of the ground: the Wald test of the true values is below the level.
 """
 
 
@@ -81,7 +82,8 @@ def _within(case: Case, error: str, entry: dict[str, Any]) -> list[bool]:
         truth, ground = {}, case.truth.ground
         if ground and ground.form == "exponential":
             loading = 1.0 + case.forces.payload_kg / load_vehicle(VEHICLE).mass_kg
-            truth = {"at_ground_m": ground.size_m * loading * math.exp(-REST_M / ground.fade_m)}
+            at_rest_m = ground.size_m * loading * math.exp(-REST_M / ground.fade_m)
+            truth = {"at_ground_m": at_rest_m, "fade_m": ground.fade_m}
     intervals = {name: value["ci95"] for name, value in entry["parameters"].items()}
     return [low <= truth[name] <= high for name, (low, high) in intervals.items() if name in truth]
 

@@ -32,6 +32,8 @@ WIND_STEP_M_S, SCALE_STEP = 0.1, 0.05
 """Steps of the derivatives by a wind, and by the logarithm of a scale."""
 SCALE_STD = 1.0
 """Standard deviation of the logarithm of a scale about the best of those that were tried."""
+TELLS = 0.9
+"""Largest standard error, as a share of that before the flights, of a parameter that they tell."""
 STEPS, LARGEST_STEP = 6, 0.5
 """Linearisations of a fit, and largest change of the logarithm of a scale in one."""
 MOST = 99.0
@@ -73,7 +75,7 @@ class Named:
     largest_m: float
     """Its size within the flights, all but the largest hundredth."""
     unknown: tuple[str, ...] = ()
-    """Names of the other parameters: their intervals are wider than all that physics allows."""
+    """Names of the other parameters, of which the flights tell little more than what physics allows."""
 
     @property
     def name(self) -> str:
@@ -196,6 +198,7 @@ def diagnose_sensor(flights: Sequence[Heights]) -> SensorDiagnosis:
     tried = [kind() for kind in kinds if kind.name not in reasons]
     flights = [_beside_best(flight, tried) for flight in flights]
     noise = learned(_rows(flights, tried, _no_wind(flights)))
+    _refuse_other_units(flights, tried, noise)
     tried = [_with_best_scale(error, tried, flights, noise) for error in tried]
     kept, absent, rejected = list(tried), list[Named](), True
     while rejected and kept:
@@ -208,7 +211,6 @@ def diagnose_sensor(flights: Sequence[Heights]) -> SensorDiagnosis:
             kept.pop(worst)
     noise = learned(_rows(flights, kept, _no_wind(flights)))
     fit = _fitted(flights, kept, noise, with_scales=True)
-    _refuse_other_units(flights, fit)
     named = [_named(flights, fit, kept, i) for i in range(len(kept))]
     matters = [one for one in named if one.largest_m > SMALL_M]
     return SensorDiagnosis(
@@ -382,9 +384,11 @@ def _scaled(
     )
 
 
-def _refuse_other_units(flights: Sequence[Heights], fit: _Fit) -> None:
-    at = len(fit.places) + len(flights) + 1
-    factor, reach = 1.0 + float(fit.estimate.value[at]), 1.96 * float(np.sqrt(fit.estimate.covariance[at, at]))
+def _refuse_other_units(flights: Sequence[Heights], errors: Sequence[SensorError], noise: Noise) -> None:
+    """Raise LogError where the reading changes by another factor than the height, whatever the errors' sizes."""
+    fit = estimate(_rows(flights, errors, _no_wind(flights)), noise)
+    at = sum(len(_linear(error)) for error in errors) + len(flights) + 1
+    factor, reach = 1.0 + float(fit.value[at]), 1.96 * float(np.sqrt(fit.covariance[at, at]))
     if factor + reach < 1.0 / MAX_FACTOR or factor - reach > MAX_FACTOR:
         names = ", ".join(dict.fromkeys(flight.name for flight in flights))
         column = READINGS[flights[0].sensor]
@@ -422,7 +426,7 @@ def _named(flights: Sequence[Heights], fit: _Fit, errors: Sequence[SensorError],
     at = [fit.places[error.name, name] for name in names]
     value, covariance = fit.estimate.value[at], fit.estimate.covariance[np.ix_(at, at)]
     std = np.sqrt(np.maximum(np.diag(covariance), 0.0))
-    known = std > NO_EFFECT
+    known = std < TELLS * np.array([(p.high - p.low) / 4.0 for p in error.parameters() if p.name in names])
     ratio = float(value[known] @ np.linalg.pinv(covariance[np.ix_(known, known)]) @ value[known])
     tries = np.prod([len(values) for values in error.scales.values()], initial=1.0)
     bounds = {parameter.name: (parameter.low, parameter.high) for parameter in error.parameters()}
@@ -430,8 +434,8 @@ def _named(flights: Sequence[Heights], fit: _Fit, errors: Sequence[SensorError],
     fitted = replace(error, **dict(zip(names, held, strict=True)))
     told = {
         name: Told(v, v - 1.96 * s, v + 1.96 * s)
-        for name, v, s, acts in zip(names, value.tolist(), std.tolist(), known, strict=True)
-        if acts and 1.96 * s < bounds[name][1] - bounds[name][0]
+        for name, v, s, tells in zip(names, value.tolist(), std.tolist(), known, strict=True)
+        if tells
     }
     unknown = tuple(name for name in names if name not in told)
     for name in error.scales:

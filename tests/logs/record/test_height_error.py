@@ -1,7 +1,6 @@
 """A barometer that errs with the air speed leaves its error in the estimated height: it is told, and taken away."""
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
