@@ -30,10 +30,9 @@ had not read the [method](sensors.md) adds a barometer with noise of 5 to 10 cm,
 on two to four sides, and ground errors of 0.2 to 0.4 m that fade over 0.3 to 0.6 m; in every second flight also a
 force. *Within* counts true values in their 95 % intervals. The command prints each case.
 
-The method was mended with the first tables of these cases in sight (6 of 12 and 11 of 12 named; then, with GPS, 3 of 5
-and 3 of 4), so the figures to trust are those of 66 fresh draws: air speed named in 43 of 44 and ground in 42 of 44, no
-false name; 369 of 396 coefficients of the air speed within their intervals. What is missed there are errors of 0.1 at
-4 m/s in a hall, and shallow ones of the ground: the Wald test of the true values is below the level.
+The method was mended with earlier tables of these cases in sight. On 66 other draws with hidden errors it named 43 of
+44 errors of the air speed and 42 of 44 of the ground, none falsely; 151 of 168 hidden coefficients and 218 of 228 zeros
+were within their intervals, 15 of 18 errors at the ground. In 18 other flights without an error one got a false name.
 """
 
 

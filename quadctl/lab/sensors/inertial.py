@@ -33,7 +33,8 @@ def with_unsure_gain(flight: Heights, estimated: Estimated) -> Heights:
     """The freed flight, whose first gain is not quite known: beside the integral up to the begin of each bin."""
     apart = flight.reading_m - estimated.height_m
     before = estimated.followed_m_s[:, 0] - 0.5 * BIN_S * (apart - np.median(apart))
-    return replace(flight, nuisances=np.column_stack([flight.nuisances, before]))
+    known = [] if flight.nuisances is None else [flight.nuisances]
+    return replace(flight, nuisances=np.column_stack([*known, before]))
 
 
 def above_ground(flight: Heights, errors: Sequence[SensorError], gains: tuple[float, float]) -> Floats:

@@ -102,8 +102,10 @@ def learned_with_gain(rows: Rows, followed: Floats | None, step_s: float) -> tup
     found = []
     for white, *others in START:
         start = np.log([white * change, *others, *([] if followed is None else [GAIN_1_S])])
-        options = {"maxiter": 80 * len(start), "xatol": 0.02, "fatol": 0.02}
-        found.append(minimize(cost, start, method="Nelder-Mead", options=options))
+        most = 80 * len(start)
+        found.append(
+            minimize(cost, start, method="Nelder-Mead", options={"maxiter": most, "xatol": 0.02, "fatol": 0.02})
+        )
     best = min(found, key=lambda one: float(one.fun))
     return _noise(best.x[:parts]), gain_of(best.x), -float(best.fun)
 

@@ -98,11 +98,11 @@ def without_height_error(
     by_speed = _fitted(log, clock, forms, inside, None if by_imu else lift)
     if by_speed is not None:
         log, largest_m = _without(log, clock, forms, inside, by_speed)
-        told.append(_told(by_speed, largest_m, "imu" if by_imu else "thrust", difference_m_s2=by_speed.size))
+        told.append(_told(by_speed, largest_m, "imu" if by_imu else "thrust"))
     return log, told
 
 
-def _told(found: HeightError, largest_m: float, witness: str, **size: float) -> Finding:
+def _told(found: HeightError, largest_m: float, witness: str) -> Finding:
     return finding(
         Kind.HEIGHT_ERROR,
         witness=witness,
@@ -110,7 +110,7 @@ def _told(found: HeightError, largest_m: float, witness: str, **size: float) -> 
         coefficients=list(found.coefficients),
         std=list(found.std),
         frequency_rad_s=found.frequency_rad_s,
-        **size,
+        difference_m_s2=None if witness == "range finder" else found.size,
     )
 
 
