@@ -388,7 +388,7 @@ def _refuse_other_units(flights: Sequence[Heights], errors: Sequence[SensorError
     """Raise LogError where the reading changes by another factor than the height, whatever the errors' sizes."""
     fit = estimate(_rows(flights, errors, _no_wind(flights)), noise)
     at = sum(len(_linear(error)) for error in errors) + len(flights) + 1
-    factor, reach = 1.0 + float(fit.value[at]), 1.96 * float(np.sqrt(fit.covariance[at, at]))
+    factor, reach = 1.0 + float(fit.value[at]), 1.96 * float(np.sqrt(max(fit.covariance[at, at], 0.0)))
     if factor + reach < 1.0 / MAX_FACTOR or factor - reach > MAX_FACTOR:
         names = ", ".join(dict.fromkeys(flight.name for flight in flights))
         column = READINGS[flights[0].sensor]
