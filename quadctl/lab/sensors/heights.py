@@ -1,13 +1,15 @@
 """Readings of the sensors of the height in a log, and a reference that does not lean on them."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import StrEnum
+from typing import NamedTuple
 
 import numpy as np
 
 from quadctl.effects.sensor_error import SensorConditions
 from quadctl.frames import GRAVITY_M_S2, Quaternion, quaternion_from_euler, rotate, rotate_inverse
 from quadctl.lab.arrays import Floats
+from quadctl.logs.findings import Kind, of_kind
 from quadctl.logs.flight_log import ATTITUDE, VELOCITY, FlightLog
 from quadctl.logs.record.flight_time import thrust_drive, within
 from quadctl.logs.record.height_error import leans_on_barometer
@@ -39,6 +41,12 @@ class Reference(StrEnum):
     RANGE = "range finder"
     DOPPLER = "GPS climb rate"
     """Integrated."""
+    ESTIMATE = "estimated height"
+    """Without what the barometer did to it; beside GPS only, which tells whether it is true."""
+
+
+SOUGHT = (Reference.POSITION, Reference.RANGE, Reference.DOPPLER)
+"""References that a log may hold by themselves."""
 
 
 class NoReference(StrEnum):
@@ -47,6 +55,16 @@ class NoReference(StrEnum):
     NONE = "none"
     LEANS = "leans"
     """The position's height is that of an estimator that takes it from the barometer."""
+
+
+class Estimated(NamedTuple):
+    """Height by the estimator, and what it took from other sensors to correct it."""
+
+    height_m: Floats
+    followed_m_s: Floats
+    """Reading minus this height, integrated once and twice over time (m s, m s^2), about the mean, shape (n, 2)."""
+    apart_m_s: Floats
+    """Reference minus this height, integrated over time."""
 
 
 @dataclass(frozen=True)
@@ -75,6 +93,10 @@ class Heights:
     """Scatter of single readings about the mean of their bin."""
     hover_throttle: float
     """Middle throttle; NaN where none is logged."""
+    estimated: Estimated | None = None
+    """Beside GPS, where the estimated height leans on the barometer."""
+    nuisances: Floats | None = None
+    """What else may be in the difference, shape (n, m)."""
 
     @property
     def difference_m(self) -> Floats:
@@ -114,6 +136,9 @@ def heights(log: FlightLog, sensor: str) -> Heights | NoReference:
     if not log.has(READINGS[sensor]):
         return NoReference.NONE
     record = examine(log)
+    if of_kind(record.findings, Kind.HEIGHT_ERROR):  # which is what is looked for here
+        as_logged = {name: np.interp(record.log.time_s, log.time_s, log[name]) for name in ("z_m", "vz_m_s")}
+        record = replace(record, log=replace(record.log, columns={**record.log.columns, **as_logged}))
     known, reason = references(record.log, sensor)
     for kind, true_m in known.items():
         found = _binned(record, sensor, kind, true_m)
@@ -144,7 +169,7 @@ def _binned(record: Record, sensor: str, kind: Reference, true_m: Floats) -> Hei
     drive = thrust_drive(log, record.thrust_source)
     share = np.ones(n_bins) if drive is None else mean(drive)
     by_range = sensor != "rangefinder" and log.has("range_m")
-    above = mean(log["range_m"] * _cos_tilt(log) if by_range else _above_rest(log, flying))
+    above = mean(_above_rest(log["range_m"] * _cos_tilt(log) if by_range else log["z_m"], flying, by_range))
     temperature = mean(log["baro_temperature_c"]) if log.has("baro_temperature_c") else np.zeros(n_bins)
     true = mean(true_m)
     rows = (
@@ -161,6 +186,12 @@ def _binned(record: Record, sensor: str, kind: Reference, true_m: Floats) -> Hei
     updates = updates[(number[updates] >= 0) & np.isfinite(true_m[updates])]
     each = log["baro_m"] if sensor == "barometer" else log["range_m"] * _cos_tilt(log)
     scatter = (each - true_m)[updates] - (reading - true)[number[updates]]
+    estimated = None
+    if sensor == "barometer" and kind is Reference.DOPPLER and log.has("z_m"):
+        height, followed, apart = _estimated(log, true_m)
+        columns = np.stack([mean(each)[rows] for each in (height, *followed.T, apart)], axis=1)
+        columns[:, 1:] -= columns[:, 1:].mean(axis=0)
+        estimated = Estimated(columns[:, 0], columns[:, 1:3], columns[:, 3]) if np.isfinite(columns).all() else None
     throttle = log["throttle_cmd"][flying] if log.has("throttle_cmd") else np.array([])
     throttle = throttle[np.isfinite(throttle)]
     return Heights(
@@ -180,6 +211,7 @@ def _binned(record: Record, sensor: str, kind: Reference, true_m: Floats) -> Hei
         wind_std,
         float(np.sqrt(np.nanmean(scatter**2))),
         float(np.median(throttle)) if len(throttle) else np.nan,
+        estimated,
     )
 
 
@@ -218,7 +250,23 @@ def _integrated(time_s: Floats, climb_m_s: Floats) -> Floats:
     return np.where(np.isfinite(climb_m_s), np.concatenate([[0.0], np.cumsum(steps)]), np.nan)
 
 
-def _above_rest(log: FlightLog, flying: np.ndarray) -> Floats:
-    """Height above the lowest place that the log knows."""
-    lowest = np.nanmin(log["z_m"][~flying]) if np.isfinite(log["z_m"][~flying]).any() else np.nanmin(log["z_m"])
-    return np.asarray(log["z_m"] - lowest)
+def _above_rest(height_m: Floats, flying: np.ndarray, from_ground: bool) -> Floats:
+    """Height above where the vehicle rests; where that is not known, above the ground, or the lowest place."""
+    resting = height_m[~flying]
+    if np.isfinite(resting).any():
+        return np.asarray(height_m - np.nanmedian(resting))
+    return height_m if from_ground else np.asarray(height_m - np.nanmin(height_m))
+
+
+def _estimated(log: FlightLog, true_m: Floats) -> tuple[Floats, Floats, Floats]:
+    """Height by the estimator and the integrals of `Estimated`, at the log's rows."""
+    height = log["z_m"]
+    step = np.diff(log.time_s, prepend=log.time_s[0])
+
+    def integral(values: Floats) -> Floats:
+        """Up to the middle of each step."""
+        known = np.nan_to_num(values - np.nanmedian(values))
+        return np.asarray(np.cumsum(known * step) - 0.5 * known * step)
+
+    once = integral(log["baro_m"] - height)
+    return height, np.stack([once, np.cumsum((once - once.mean()) * step)], axis=1), integral(true_m - height)

@@ -18,6 +18,8 @@ PROCESSES = 2
 START = ((0.5, 0.02, 2.0, 0.05, 60.0), (0.5, 0.2, 5.0, 0.5, 300.0))
 """Starts of the search: white noise as a share of the difference's change from row to row, then size, m, and time, s,
 of each process."""
+GAIN_1_S = 0.3
+"""Start of the search of a gain."""
 LEAST_M, SHORTEST_S, LONGEST_S = 1e-4, 0.2, 1e5
 """Bounds of the noise: sizes, and times."""
 
@@ -74,20 +76,38 @@ def estimate(rows: Rows, noise: Noise, prior: Floats | None = None) -> Estimate:
 
 def learned(rows: Rows) -> Noise:
     """The noise that is most likely, whatever the coefficients."""
-    step = max(float(np.median(np.abs(np.diff(rows.target)))), 1e-3)
+    return learned_with_gain(rows, None, 0.0)[0]
+
+
+def learned_with_gain(rows: Rows, followed: Floats | None, step_s: float) -> tuple[Noise, float, float]:
+    """Noise and gain, 1/s, for which the rows' target plus gain times `followed` is most likely; and its restricted log
+    likelihood.
+
+    `followed` is the integral of the target over time, up to the middle of each step: a larger gain spreads the target,
+    which costs the logarithm of the Jacobian's determinant. Without it the gain is 0.
+    """
+    change = max(float(np.median(np.abs(np.diff(rows.target)))), 1e-3)
+    parts = len(START[0])
+
+    def gain_of(logarithms: Floats) -> float:
+        return 0.0 if followed is None else float(np.exp(np.clip(logarithms[parts], -14.0, 4.0)))
 
     def cost(logarithms: Floats) -> float:
-        noise = _noise(logarithms)
+        gain = gain_of(logarithms)
         beyond = np.sum(np.maximum(np.abs(logarithms) - 14.0, 0.0))  # keeps the search where numbers are
-        return -estimate(rows, noise).log_likelihood + float(beyond)
+        there = rows if followed is None else rows._replace(target=rows.target + gain * followed)
+        spread = len(rows.target) * np.log1p(0.5 * step_s * gain)
+        return float(beyond - spread) - estimate(there, _noise(logarithms[:parts])).log_likelihood
 
     found = []
     for white, *others in START:
-        start = np.log([white * step, *others])
+        start = np.log([white * change, *others, *([] if followed is None else [GAIN_1_S])])
+        most = 80 * len(start)
         found.append(
-            minimize(cost, start, method="Nelder-Mead", options={"maxiter": 400, "xatol": 0.02, "fatol": 0.02})
+            minimize(cost, start, method="Nelder-Mead", options={"maxiter": most, "xatol": 0.02, "fatol": 0.02})
         )
-    return _noise(min(found, key=lambda one: float(one.fun)).x)
+    best = min(found, key=lambda one: float(one.fun))
+    return _noise(best.x[:parts]), gain_of(best.x), -float(best.fun)
 
 
 def _noise(logarithms: Floats) -> Noise:

@@ -12,6 +12,7 @@ REFERENCES = {
     Reference.POSITION: "the logged position, taken for independent of it",
     Reference.RANGE: "the range finder",
     Reference.DOPPLER: "GPS's climb rate, integrated",
+    Reference.ESTIMATE: "the estimated height, freed of the barometer's corrections",
 }
 MISSING_REFERENCE = {
     NoReference.NONE: "needs a range finder, GPS's climb rate or motion capture beside the barometer",
@@ -72,7 +73,7 @@ def untold(found: Untold) -> Iterator[str]:
 
 def parameters(one: Named) -> str:
     """Parameters with their intervals, and what of them is not told from zero."""
-    scales = [f"{name} = {one.error.values()[name]:.3g}" for name in one.error.scales]
+    scales = [f"{name} = {one.error.values()[name]:.3g}" for name in one.error.scales if name not in one.parameters]
     each = [
         f"{name} = {told.value:.3g} [{told.low:.3g}, {told.high:.3g}]{'' if told.is_told else ' (not told from zero)'}"
         for name, told in one.parameters.items()

@@ -3,8 +3,10 @@
 Air that flows past a barometer changes its reading with the square of the speed, by the side from which it comes
 (`quadctl.effects.barometer`), and an estimator follows it: height and climb rate err together, as its lag lets them.
 The accelerometer is right, and the thrust goes with the motion; so what of the change of the climb rate has the form of
-such an error, and goes with neither, is no force. The lag is that of a complementary filter of second order. Errors
-near the ground are not looked for: where a vehicle climbs through them, delays of the rotors have the same form.
+such an error, and goes with neither, is no force. The lag is that of a complementary filter of second order.
+
+An error near the ground is told by a range finder alone: where a vehicle climbs through it, delays of the rotors have
+the same form.
 """
 
 from collections.abc import Mapping
@@ -34,6 +36,12 @@ MATTERS_M_S2 = 0.02
 """Least root mean square of the acceleration that the error stands for."""
 BLOCK_S = 10.0
 """Blocks of time of the two halves, of which each must foretell the other."""
+FADES_M = (0.2, 0.5)
+"""Heights over which errors of the ground fall to 1/e: between them lie those that are known."""
+MATTERS_M = 0.05
+"""Least span of an error of the height near the ground."""
+SEEN, LOW_M, STEEP_M = 0.8, 1.0, 0.5
+"""Share of the flight that a range finder must see, and heights that it must span: below the first, and a range."""
 LEAST_S, LONGEST_S = 20.0, 36000.0
 """Time in flight that is needed, and length of a log, with its pauses, that is looked at."""
 
@@ -43,10 +51,10 @@ class HeightError(NamedTuple):
 
     frequency_rad_s: float
     coefficients: tuple[float, ...]
-    """Static pressure error over dynamic pressure forward, backward, right and left."""
+    """Static pressure error over dynamic pressure forward, backward, right and left; or those of FADES_M, m."""
     std: tuple[float, ...]
-    size_m_s2: float
-    """Root mean square of its acceleration."""
+    size: float
+    """Root mean square of its acceleration, m/s^2; of one near the ground, the span of the height, m."""
 
 
 def leans_on_barometer(parameters: Mapping[str, float], autopilot: str) -> bool:
@@ -79,27 +87,81 @@ def without_height_error(
     lift = np.ones(len(clock)) if drive is None else np.interp(clock, log.time_s, np.nan_to_num(drive))
     inside = np.any([(clock >= begin) & (clock <= end) for begin, end in spans], axis=0)
     lift = lift / max(float(np.median(lift[inside])), 1e-9)
+    told = []
+    near = _near_ground(log, clock, lift, inside)
+    if near is not None:
+        forms, found = near
+        log, largest_m = _without(log, clock, forms, inside, found)
+        told.append(_told(found, largest_m, "range finder"))
     by_imu = all(log.has(name) for name in IMU)
     forms = _forms(log, clock)
-    found = _fitted(log, clock, forms, inside, None if by_imu else lift)
-    if found is None:
-        return log, []
+    by_speed = _fitted(log, clock, forms, inside, None if by_imu else lift)
+    if by_speed is not None:
+        log, largest_m = _without(log, clock, forms, inside, by_speed)
+        told.append(_told(by_speed, largest_m, "imu" if by_imu else "thrust"))
+    return log, told
+
+
+def _told(found: HeightError, largest_m: float, witness: str) -> Finding:
+    return finding(
+        Kind.HEIGHT_ERROR,
+        witness=witness,
+        largest_m=largest_m,
+        coefficients=list(found.coefficients),
+        std=list(found.std),
+        frequency_rad_s=found.frequency_rad_s,
+        difference_m_s2=None if witness == "range finder" else found.size,
+    )
+
+
+def _without(
+    log: FlightLog, clock: Floats, forms: Floats, inside: np.ndarray, found: HeightError
+) -> tuple[FlightLog, float]:
+    """The log without the error, and the span of the error in flight, m."""
     height, climb, _ = _followed(forms, found.frequency_rad_s)
     by_m, by_m_s = (each @ np.array(found.coefficients) for each in (height, climb))
     columns = {
         "z_m": log["z_m"] - np.interp(log.time_s, clock, by_m - by_m[inside][0]),
         "vz_m_s": log["vz_m_s"] - np.interp(log.time_s, clock, by_m_s),
     }
-    told = finding(
-        Kind.HEIGHT_ERROR,
-        witness="imu" if by_imu else "thrust",
-        difference_m_s2=found.size_m_s2,
-        largest_m=float(np.ptp(np.percentile(by_m[inside], (0.5, 99.5)))),
-        coefficients=list(found.coefficients),
-        std=list(found.std),
-        frequency_rad_s=found.frequency_rad_s,
+    return replace(log, columns={**log.columns, **columns}), float(np.ptp(np.percentile(by_m[inside], (0.5, 99.5))))
+
+
+def _near_ground(log: FlightLog, clock: Floats, lift: Floats, inside: np.ndarray) -> tuple[Floats, HeightError] | None:
+    """Forms of errors near the ground, m, shape (n, 2), and the error of the height that a range finder tells."""
+    if not (log.has("range_m") and log.has("baro_m")):
+        return None
+    lean = np.cos(np.radians(log["roll_deg"])) * np.cos(np.radians(log["pitch_deg"]))
+    above = log["range_m"] * lean
+    known = np.isfinite(above) & np.isfinite(log["z_m"]) & np.isfinite(log["baro_m"])
+    seen = np.interp(clock, log.time_s, known) > 0.5
+    if not known.any() or np.mean(seen[inside]) < SEEN:
+        return None
+    near, far = np.percentile(above[known], (3.0, 97.0))
+    if near > LOW_M or far - near < STEEP_M:
+        return None
+    true, height, reading = (
+        np.interp(clock, log.time_s[known], each[known]) for each in (above, log["z_m"], log["baro_m"])
     )
-    return replace(log, columns={**log.columns, **columns}), [told]
+    forms = np.stack([lift * np.exp(-np.maximum(true, 0.0) / fade_m) for fade_m in FADES_M], axis=1)
+    by_speed, climb = _forms(log, clock), on_clock(clock, log, "vz_m_s")
+    rows = inside & seen
+
+    def fitted(read: Floats, near: Floats, sides: Floats) -> tuple[float, Floats, Floats, float] | None:
+        columns = np.column_stack([_quick(near), _quick(sides), _quick(climb)])[rows]
+        return _regression(columns, _quick(read - true)[rows], len(FADES_M), clock[rows], 0.0)
+
+    if fitted(reading, forms, by_speed) is None:  # the height errs for another reason
+        return None
+    best: tuple[float, HeightError] | None = None
+    for frequency in FREQUENCIES_RAD_S:
+        near_m, sides_m = (_followed(each, frequency)[0] for each in (forms, by_speed))
+        found = fitted(height, near_m, sides_m)
+        if found is not None and (best is None or found[0] < best[0]):
+            left, value, std, _ = found
+            span = float(np.ptp(near_m[rows] @ value))
+            best = left, HeightError(frequency, tuple(value.tolist()), tuple(std.tolist()), span)
+    return None if best is None or best[1].size < MATTERS_M else (forms, best[1])
 
 
 def _forms(log: FlightLog, clock: Floats) -> Floats:
@@ -112,7 +174,7 @@ def _forms(log: FlightLog, clock: Floats) -> Floats:
 
 
 def _followed(forms: Floats, frequency_rad_s: float) -> tuple[Floats, Floats, Floats]:
-    """Errors of height, climb rate and its change of an estimator that follows these readings, each (n, 4)."""
+    """Errors of height, climb rate and its change of an estimator that follows these readings, each (n, k)."""
     from scipy.signal import lfilter  # heavy, and needed only where a height leans on a barometer
 
     w, parts = frequency_rad_s, max(round(frequency_rad_s * STEP_S * 5.0), 1)
@@ -141,16 +203,18 @@ def _fitted(
     for frequency in FREQUENCIES_RAD_S:
         *_, change = _followed(forms, frequency)
         columns = np.hstack([_quick(change), others])[inside]
-        found = _regression(columns, up[inside], forms.shape[1], clock[inside])
+        found = _regression(columns, up[inside], forms.shape[1], clock[inside], MATTERS_M_S2)
         if found is not None and (best is None or found[0] < best[0]):
             left, value, std, size = found
             best = left, HeightError(frequency, tuple(value.tolist()), tuple(std.tolist()), size)
     return None if best is None else best[1]
 
 
-def _regression(columns: Floats, target: Floats, k: int, time_s: Floats) -> tuple[float, Floats, Floats, float] | None:
+def _regression(
+    columns: Floats, target: Floats, k: int, time_s: Floats, matters: float
+) -> tuple[float, Floats, Floats, float] | None:
     """Mean square of the rest, the first `k` coefficients, their standard errors, and the size of their sum; None where
-    they are not clear."""
+    they are not clear, or their sum is smaller than `matters`."""
     products, along = columns.T @ columns, columns.T @ target
     left = target - columns @ (np.linalg.pinv(products) @ along)
     if not left.any():  # made, not measured
@@ -163,7 +227,7 @@ def _regression(columns: Floats, target: Floats, k: int, time_s: Floats) -> tupl
     covariance = variance * inverse[:k, :k]
     wald = float(value[:k] @ np.linalg.pinv(covariance) @ value[:k])
     size = float(np.sqrt(np.mean((columns[:, :k] @ value[:k]) ** 2)))
-    if wald < CLEAR or size < MATTERS_M_S2 or not _foretells(columns, target, k, time_s):
+    if wald < CLEAR or size < matters or not _foretells(columns, target, k, time_s):
         return None
     return float(np.mean(left**2)), value[:k], np.sqrt(np.maximum(np.diag(covariance), 0.0)), size
 
@@ -203,12 +267,14 @@ def _accelerations(log: FlightLog, clock: Floats, forms: Floats, lift: Floats | 
         north, east, down = (np.asarray(a) for a in rotate(attitude, (force[0], force[1], force[2])))
         sensed = -down - GRAVITY_M_S2
         return _quick(up - sensed), np.stack([_quick(each) for each in (sensed, north, east)], axis=1)
-    *_, z = rotate(attitude, (0.0, 0.0, -1.0))
-    push = -np.asarray(z) * lift * GRAVITY_M_S2
+    x, y, z = (np.asarray(each) for each in rotate(attitude, (0.0, 0.0, -1.0)))
+    push = -z * lift * GRAVITY_M_S2
+    # Drag along the body's axes, and the flow along those of the rotors, have a part along up where the vehicle leans.
+    leaning = x * on_clock(clock, log, "vx_m_s") + y * on_clock(clock, log, "vy_m_s")
     side_squared = -forms.sum(axis=1)
     height = on_clock(clock, log, "z_m")
     low = np.exp(-np.maximum(height - np.percentile(height, 1.0), 0.0) / NEAR_GROUND_M)
-    others = (push, climb, lift * side_squared, side_squared, push * low, push * low**2)
+    others = (push, climb, leaning, lift * side_squared, side_squared, push * low, push * low**2)
     return _quick(up), np.stack([_quick(each) for each in others], axis=1)
 
 
