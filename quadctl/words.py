@@ -1,0 +1,66 @@
+"""Words of facts: the formatter of templates that all tables of words share.
+
+A table maps each kind of fact to a template such as `"the tilt is {tilt_deg:.0f} deg"`; it stands at the edge of its
+room, and nothing but the table makes sentences of the facts.
+"""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from string import Formatter
+from typing import Any, TypeAlias
+
+Facts: TypeAlias = Mapping[str, Any]
+"""Facts by name, units in the names."""
+Format: TypeAlias = "Callable[[Any], str] | Mapping[Any, str]"
+"""Words of one value: a function, or all values with their words."""
+Template: TypeAlias = "str | By | When | tuple[Template, ...]"
+"""Text with fields in braces, a choice between such texts, or several in a row."""
+
+
+@dataclass(frozen=True)
+class By:
+    """Template that the value of a fact chooses."""
+
+    fact: str
+    templates: Mapping[Any, Template]
+    otherwise: Template = ""
+    """Template for all other values, and where the fact is absent."""
+
+
+@dataclass(frozen=True)
+class When:
+    """Template where a fact is there and is neither zero nor empty."""
+
+    fact: str
+    then: Template
+    otherwise: Template = ""
+
+
+class Words(Formatter):
+    """Formatter whose fields may name a format of the table, as in `{share:percent}`, or count: `{rows:count row}`."""
+
+    def __init__(self, formats: Mapping[str, Format] | None = None) -> None:
+        self._formats: Mapping[str, Format] = {"list": ", ".join, "and": " and ".join} | dict(formats or {})
+
+    def say(self, template: Template, facts: Facts) -> str:
+        """Fill a template with facts."""
+        if isinstance(template, str):
+            return self.vformat(template, (), facts)
+        if isinstance(template, By):
+            return self.say(template.templates.get(facts.get(template.fact), template.otherwise), facts)
+        if isinstance(template, When):
+            return self.say(template.then if facts.get(template.fact) else template.otherwise, facts)
+        return "".join(self.say(part, facts) for part in template)
+
+    def format_field(self, value: Any, format_spec: str) -> str:
+        if format_spec.startswith("count "):
+            return count(value, format_spec.removeprefix("count "))
+        found = self._formats.get(format_spec)
+        if found is None:
+            return str(super().format_field(value, format_spec))
+        return found[value] if isinstance(found, Mapping) else found(value)
+
+
+def count(n: int, what: str) -> str:
+    """Number of things: `1 row`, `2 rows`."""
+    return f"{n} {what}{'s' if n != 1 else ''}"
