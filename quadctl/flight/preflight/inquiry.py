@@ -269,10 +269,10 @@ async def advisable_parameters(autopilot: Autopilot, vehicle: Vehicle) -> list[F
 
 
 def _advised(check: Check, value: float, vehicle: Vehicle) -> Finding:
-    objection = check.objection(value, vehicle)
+    objection = check.objected(value, vehicle)
     return judged(
         "parameters",
-        check.finding(value, vehicle),
+        check.said(value, vehicle),
         refused=objection if check.refuses else None,
         warning=objection,
     )
