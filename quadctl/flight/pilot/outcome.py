@@ -5,9 +5,10 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from quadctl.flight.pilot.pilot import END_EARLY, Pilot
+from quadctl.flight.pilot.reasons import Kind, Reason
 from quadctl.flight.pilot.tick import Stage, Tick
 
-COMPLETED = "completed"
+COMPLETED = str(Reason(Kind.COMPLETED))
 
 
 @dataclass(frozen=True)

@@ -209,13 +209,13 @@ def _estimator(state: VehicleState, plan: FlightPlan) -> Finding:
     stated = f", standard deviation {' and '.join(known)}" if known else ""
     text = f"attitude, velocity and position{stated}"
     found = defect(state, plan.settings.guards)
-    return judged("estimator", text, refused=found.reason if found else None)
+    return judged("estimator", text, refused=str(found.reason) if found else None)
 
 
 def _standing(state: VehicleState, plan: FlightPlan) -> Finding:
     unseen = None if state.landed else "the autopilot does not think that it has landed"
-    refused = not_standing(state, plan.settings.height_datum)
-    return judged("standing", posture(state), refused=refused, warning=unseen)
+    expected = not_standing(state, plan.settings.height_datum)
+    return judged("standing", str(posture(state)), refused=str(expected) if expected else None, warning=unseen)
 
 
 def _texts(state: VehicleState) -> Iterator[Finding]:
