@@ -6,11 +6,13 @@ room, and nothing but the table makes sentences of the facts.
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from enum import Enum
 from string import Formatter
-from typing import Any, TypeAlias
+from typing import Any, NamedTuple, TypeAlias
 
 Facts: TypeAlias = Mapping[str, Any]
 """Facts by name, units in the names."""
+NO_FACTS: Facts = {}
 Format: TypeAlias = "Callable[[Any], str] | Mapping[Any, str]"
 """Words of one value: a function, or all values with their words."""
 Template: TypeAlias = "str | By | When | tuple[Template, ...]"
@@ -59,6 +61,32 @@ class Words(Formatter):
         if found is None:
             return str(super().format_field(value, format_spec))
         return found[value] if isinstance(found, Mapping) else found(value)
+
+
+class Kinds(Enum):
+    """Base of the kinds of facts of one room, each with the template of its words."""
+
+    def said(self, facts: Facts) -> str:
+        """Words of a fact of this kind; a room with formats of its own overrides it."""
+        return _WORDS.say(self.value, facts)
+
+
+class Fact(NamedTuple):
+    """A fact of one kind, with its figures and names; `str` words it."""
+
+    kind: Kinds
+    facts: Facts = NO_FACTS
+
+    def __str__(self) -> str:
+        return self.kind.said(self.facts)
+
+
+def fact(kind: Kinds, **facts: Any) -> Fact:
+    """Make a fact of its figures and names."""
+    return Fact(kind, facts)
+
+
+_WORDS = Words()
 
 
 def count(n: int, what: str) -> str:

@@ -1,14 +1,13 @@
 """Reasons for which a flight does not begin, does not go on, or ends: facts, with one table of their words."""
 
-from collections.abc import Mapping
-from enum import Enum, unique
-from typing import Any, NamedTuple
+from enum import unique
+from typing import TypeAlias
 
-from quadctl.words import By, Template, Words
+from quadctl.words import By, Fact, Facts, Kinds, Words, fact
 
 
 @unique
-class Kind(Enum):
+class Kind(Kinds):
     """Kinds of reasons, each with the template of its words."""
 
     TOLD = "{text}"
@@ -94,27 +93,12 @@ class Kind(Enum):
     GIVEN_BACK = "the mode is {mode} again, which nobody flies: its failsafe lands it when quadctl is gone"
     GONE_AT_END = "the autopilot is gone"
 
-    @property
-    def template(self) -> Template:
-        words: Template = self.value
-        return words
+    def said(self, facts: Facts) -> str:
+        return _WORDS.say(self.value, facts)
 
 
-class Reason(NamedTuple):
-    """A reason of one kind, with its figures and names; `str` words it."""
-
-    kind: Kind
-    facts: Mapping[str, Any] = {}
-
-    def __str__(self) -> str:
-        return _WORDS.say(self.kind.template, self.facts)
-
-
-def reason(kind: Kind, **facts: Any) -> Reason:
-    """Make a reason of its facts."""
-    return Reason(kind, facts)
-
-
+Reason: TypeAlias = Fact
+reason = fact
 _WORDS = Words(
     {
         "mode": lambda mode: mode or "an unknown mode",
