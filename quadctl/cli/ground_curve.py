@@ -57,7 +57,7 @@ def ground_curve(
     loaded = load_vehicle(vehicle)
     result = evaluate(read_measurement(table, loaded), loaded, str(table))
     model = result.model(result.chosen(formula), surface, vehicle) if output is not None else None
-    console.print("\n".join(result.lines()), soft_wrap=True, markup=False, highlight=False)
+    console.print("\n".join(map(str, result.findings())), soft_wrap=True, markup=False, highlight=False)
     write_json(json_out, result.to_dict())
     if plot is not None:
         draw(result, plot)

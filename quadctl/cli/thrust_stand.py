@@ -122,7 +122,7 @@ def thrust_stand(
         _say(f"Fit it where the lab is installed: quadctl thrust-stand {vehicle} --from {source}")
         return
     result = evaluate(points, loaded, source)
-    _say("\n".join(result.lines()))
+    _say("\n".join(map(str, result.findings())))
     write_json(json_out, result.to_dict())
     if plot is not None:
         draw(result, plot)

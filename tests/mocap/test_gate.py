@@ -31,9 +31,7 @@ def test_a_pose_that_is_old_or_came_late_does_not_pass() -> None:
     gate = Gate()
     assert gate.objection(pose(1.0, 0.0), 1.2) is Kind.STALE
     assert gate.objection(pose(2.0, 0.1, sent_s=1002.0), 2.0) is None
-    assert (
-        gate.objection(pose(3.0, 0.2, sent_s=1002.8), 3.0) is Kind.STALE
-    )  # 0.2 s longer on its way
+    assert gate.objection(pose(3.0, 0.2, sent_s=1002.8), 3.0) is Kind.STALE  # 0.2 s longer on its way
     assert gate.objection(pose(3.1, 0.3, sent_s=1003.05), 3.1) is None
 
 
