@@ -4,7 +4,8 @@ A table maps each kind of fact to a template such as `"the tilt is {tilt_deg:.0f
 room, and nothing but the table makes sentences of the facts.
 """
 
-from collections.abc import Callable, Mapping
+import math
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from enum import Enum
 from string import Formatter
@@ -42,7 +43,7 @@ class Words(Formatter):
     """Formatter whose fields may name a format of the table, as in `{share:percent}`, or count: `{rows:count row}`."""
 
     def __init__(self, formats: Mapping[str, Format] | None = None) -> None:
-        self._formats: Mapping[str, Format] = {"list": ", ".join, "and": " and ".join} | dict(formats or {})
+        self._formats: Mapping[str, Format] = {"list": _list, "and": _and} | dict(formats or {})
 
     def say(self, template: Template, facts: Facts) -> str:
         """Fill a template with facts."""
@@ -80,15 +81,40 @@ class Fact(NamedTuple):
     def __str__(self) -> str:
         return self.kind.said(self.facts)
 
+    def to_dict(self) -> dict[str, Any]:
+        """Form in JSON."""
+        return {"kind": self.kind.name.lower(), "figures": _plain(self.facts)}
+
 
 def fact(kind: Kinds, **facts: Any) -> Fact:
     """Make a fact of its figures and names."""
     return Fact(kind, facts)
 
 
-_WORDS = Words()
+def _plain(value: Any) -> Any:
+    """Value as JSON can hold it: null for a number that is not finite, words for what is none of its types."""
+    if isinstance(value, Fact):
+        return value.to_dict()
+    if isinstance(value, Mapping):
+        return {str(name): _plain(part) for name, part in value.items()}
+    if isinstance(value, list | tuple):
+        return [_plain(part) for part in value]
+    if isinstance(value, float):
+        return value if math.isfinite(value) else None
+    return value if value is None or isinstance(value, bool | int | str) else str(value)
+
+
+def _list(values: Iterable[Any]) -> str:
+    return ", ".join(map(str, values))
+
+
+def _and(values: Iterable[Any]) -> str:
+    return " and ".join(map(str, values))
 
 
 def count(n: int, what: str) -> str:
     """Number of things: `1 row`, `2 rows`."""
     return f"{n} {what}{'s' if n != 1 else ''}"
+
+
+_WORDS = Words()

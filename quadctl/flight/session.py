@@ -15,8 +15,9 @@ from quadctl.flight.loop import fly, landing_on_signals
 from quadctl.flight.pilot.outcome import Outcome, Tally
 from quadctl.flight.pilot.tick import Tick
 from quadctl.flight.preflight.changed_parameters import ChangedParameters, left_behind, restore, still_changed
+from quadctl.flight.preflight.facts import Kind
 from quadctl.flight.preflight.findings import Verdict, of_verdict
-from quadctl.flight.preflight.inquiry import CHECKS_OFF, NO_REMOTE, advisable_parameters
+from quadctl.flight.preflight.inquiry import advisable_parameters
 from quadctl.flight.preflight.lateral import ask_about_lateral_force
 from quadctl.flight.preflight.plan import FlightPlan
 from quadctl.flight.preflight.requirements import requirements_met
@@ -24,6 +25,7 @@ from quadctl.flight.realtime import privileges, run
 from quadctl.flight.record.display import Display
 from quadctl.flight.record.view_link import ViewEnd, ViewLink
 from quadctl.flight.watchdog import Watchdog
+from quadctl.words import Fact
 
 RESIDUAL_EVERY_S = 0.5
 RESIDUAL = "residual"
@@ -92,9 +94,9 @@ async def _fly(
         for warning in [*autopilot.warnings, *of_verdict(advice, Verdict.WARNING)]:
             warn(str(warning))
         if autopilot.state().checks_off:
-            warn(f"{CHECKS_OFF}.")
+            warn(f"{Fact(Kind.CHECKS_OFF)}.")
         if autopilot.state().remote is False:
-            warn(f"{NO_REMOTE}.")
+            warn(f"{Fact(Kind.NO_REMOTE)}.")
         kept = None
         if allowed.keep_in is not None:
             kept = ChangedParameters(allowed.keep_in, await autopilot.identity())
@@ -116,7 +118,7 @@ async def _look_for_left_parameters(
         await restore(autopilot, left, kept, warn)
     elif not allowed.set_parameters:
         for name, change in left.items():
-            warn(left_behind(name, change))
+            warn(str(left_behind(name, change)))
 
 
 async def _fly_prepared(

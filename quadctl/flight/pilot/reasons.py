@@ -59,6 +59,7 @@ class Kind(Kinds):
     )
     NOT_FOLLOWED = "mission not followed: the position error was {error_m:.2f} m (RMS), allowed are {most_m:g} m"
     # --- the start ---
+    POSTURE = "{tilt_deg:.1f} deg tilt, {speed_m_s:.2f} m/s, z = {height_m:.2f} m in the autopilot's frame"
     LEANS = "expected at most {most_deg:g} deg"
     MOVES = "expected at most {most_m_s:g} m/s"
     OTHER_DATUM = "height_datum: frame takes z = 0 for the ground, expected the vehicle there; or say takeoff"
