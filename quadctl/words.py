@@ -86,7 +86,7 @@ class Fact(NamedTuple):
         return {"kind": self.kind.name.lower(), "figures": _plain(self.facts)}
 
 
-def fact(kind: Kinds, **facts: Any) -> Fact:
+def fact(kind: Kinds, /, **facts: Any) -> Fact:
     """Make a fact of its figures and names."""
     return Fact(kind, facts)
 

@@ -66,20 +66,26 @@ def fly_real_time(
     autopilot = MavsdkAutopilot(url, plan.body.vehicle.n_rotors, link.timeout_s, link.system_id)
     try:
         with privileges() as real_time:
-            return run(_fly(plan, autopilot, log_dir, console, allowed or Allowed(), view, real_time))
+            return run(_fly(_Session(plan, autopilot, log_dir, console, allowed or Allowed(), view, real_time)))
     except KeyboardInterrupt:  # in flight, Ctrl-C is a wish to land
         raise FlightError("interrupted while the link was being opened or closed") from None
 
 
-async def _fly(
-    plan: FlightPlan,
-    autopilot: Autopilot,
-    log_dir: Path,
-    console: Console,
-    allowed: Allowed,
-    view: ViewEnd | None,
-    real_time: Sequence[str],
-) -> Outcome:
+class _Session(NamedTuple):
+    """What one flight is given."""
+
+    plan: FlightPlan
+    autopilot: Autopilot
+    log_dir: Path
+    console: Console
+    allowed: Allowed
+    view: ViewEnd | None
+    real_time: Sequence[str]
+
+
+async def _fly(session: _Session) -> Outcome:
+    plan, autopilot, _, console, allowed, *_ = session
+
     def warn(sentence: str) -> None:
         console.print(f"warning: {sentence}", style="yellow", soft_wrap=True, markup=False, highlight=False)
 
@@ -102,7 +108,7 @@ async def _fly(
             kept = ChangedParameters(allowed.keep_in, await autopilot.identity())
         await _look_for_left_parameters(autopilot, allowed, kept, warn)
         async with requirements_met(autopilot, allowed.set_parameters, warn, allowed.without_failsafe, kept):
-            return await _fly_prepared(plan, autopilot, log_dir, console, allowed, view, real_time)
+            return await _fly_prepared(session)
     finally:
         await autopilot.close()
 
@@ -121,15 +127,8 @@ async def _look_for_left_parameters(
             warn(str(left_behind(name, change)))
 
 
-async def _fly_prepared(
-    plan: FlightPlan,
-    autopilot: Autopilot,
-    log_dir: Path,
-    console: Console,
-    allowed: Allowed,
-    view: ViewEnd | None,
-    real_time: Sequence[str],
-) -> Outcome:
+async def _fly_prepared(session: _Session) -> Outcome:
+    plan, autopilot, log_dir, console, allowed, view, real_time = session
     rate_hz, firmware = plan.settings.controller.rate_hz, autopilot.firmware
     pilot = plan.pilot(firmware.takes_off_itself, firmware.stays_up and not allowed.without_failsafe)
     recorder = plan.recorder(log_dir, autopilot.description, real_time)
