@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 
     from quadctl.export.autopilot import Row
     from quadctl.model import Model
+    from quadctl.words import Fact
 
 CONFIRMATION = "apply"
 
@@ -135,7 +136,7 @@ def export(
         write_parameters(str(link), dialect, rows, kept, say)
 
 
-def _write_program(write: "Callable[[Model, Path], tuple[str, ...]]", file: Path, output: Path) -> None:
+def _write_program(write: "Callable[[Model, Path], tuple[Fact, ...]]", file: Path, output: Path) -> None:
     from quadctl.model import load_model
     from quadctl.sensor_model import is_sensor_file
 
