@@ -208,8 +208,10 @@ class Pilot:
         except (ArithmeticError, ValueError):  # a model beyond its range is no reason to end a flight
             self._model.pause()
             return
-        for change in news:
-            self._progress.note(reason(Kind.TOLD, text=change), "")
+        for change in news.begun:
+            self._progress.note(reason(Kind.CHANGED, change=change), "")
+        for name in news.over:
+            self._progress.note(reason(Kind.AS_MODELLED, name=name), "")
         if decision.target is not None and decision.setpoint is not None:
             self._model.sent(state.time_s, decision.target, decision.setpoint)
 

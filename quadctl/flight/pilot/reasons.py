@@ -57,6 +57,8 @@ class Kind(Kinds):
         "the vehicle is not the one of the model: the residual has been over {most_m_s2:g} m/s^2 for more than "
         "{longest_s:g} s, it is {size_m_s2:.2f} m/s^2, most of it {towards}"
     )
+    CHANGED = "{change}"
+    AS_MODELLED = "{name} as in the model again"
     NOT_FOLLOWED = "mission not followed: the position error was {error_m:.2f} m (RMS), allowed are {most_m:g} m"
     # --- the start ---
     POSTURE = "{tilt_deg:.1f} deg tilt, {speed_m_s:.2f} m/s, z = {height_m:.2f} m in the autopilot's frame"
