@@ -90,7 +90,7 @@ def check(
     from quadctl.flight.preflight.findings import Verdict, of_verdict
     from quadctl.flight.preflight.plan import read_flight
     from quadctl.flight.preflight.time_scale import with_time_scale
-    from quadctl.logs.words import count
+    from quadctl.words import count
 
     if len(files) > 2:
         raise typer.BadParameter(f"{len(files)} files are given, expected a mission, or a vehicle and a mission")

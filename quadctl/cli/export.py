@@ -9,7 +9,7 @@ from rich.table import Table
 
 from quadctl.cli.app import app, console
 from quadctl.cli.inputs import find
-from quadctl.cli.output import JsonOption, print_saved, write_json
+from quadctl.cli.output import JsonOption, print_saved, say, write_json
 from quadctl.cli.overwriting import Reads, Writes, WritesInto
 from quadctl.errors import FlightError, QuadctlError
 from quadctl.files import write_text
@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 
     from quadctl.export.autopilot import Row
     from quadctl.model import Model
+    from quadctl.words import Fact
 
 CONFIRMATION = "apply"
 
@@ -100,7 +101,7 @@ def export(
     if undo:
         from quadctl.export.apply import undo as undo_at
 
-        undo_at(str(link), dialect, kept, _say)
+        undo_at(str(link), dialect, kept, say)
         return
     of_sensors = is_sensor_file(model)
     present: Present | None = None
@@ -132,10 +133,10 @@ def export(
         from quadctl.export.apply import write_parameters
 
         _confirm(yes)
-        write_parameters(str(link), dialect, rows, kept, _say)
+        write_parameters(str(link), dialect, rows, kept, say)
 
 
-def _write_program(write: "Callable[[Model, Path], tuple[str, ...]]", file: Path, output: Path) -> None:
+def _write_program(write: "Callable[[Model, Path], tuple[Fact, ...]]", file: Path, output: Path) -> None:
     from quadctl.model import load_model
     from quadctl.sensor_model import is_sensor_file
 
@@ -148,12 +149,8 @@ def _write_program(write: "Callable[[Model, Path], tuple[str, ...]]", file: Path
     except OSError as error:
         raise QuadctlError(f"{output}: cannot be written ({error.strerror})") from None
     for reason in left_out:
-        _say(f"Left out: {reason}.")
+        say(f"Left out: {reason}.")
     print_saved(output)
-
-
-def _say(sentence: str) -> None:
-    console.print(sentence, soft_wrap=True, markup=False, highlight=False)
 
 
 def _confirm(yes: bool) -> None:
@@ -180,7 +177,7 @@ def _print(rows: "list[Row]") -> None:
             table.add_row(row.name, f"{found.value:.4g}", interval, present)
     console.print(table)
     for row in rows:
-        _say(f"{row.name}: {said(row, with_interval=False)}")
+        say(f"{row.name}: {said(row, with_interval=False)}")
 
 
 def _as_dict(row: "Row") -> dict[str, object]:

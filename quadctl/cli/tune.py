@@ -11,7 +11,7 @@ from quadctl.cli.app import app, console
 from quadctl.cli.flight import ConfigOption, ModelOption
 from quadctl.cli.inputs import find_configuration
 from quadctl.cli.lab import LogArguments
-from quadctl.cli.output import JsonOption, print_saved, write_json
+from quadctl.cli.output import JsonOption, print_saved, say, write_json
 from quadctl.errors import LogError, SettingsError
 from quadctl.files import write_text
 from quadctl.installed import is_installed
@@ -132,7 +132,7 @@ def _write(path: Path, new: "ControllerSettings") -> None:
     kept = _free_name(path)
     write_text(kept, path.read_text(encoding="utf-8"))
     write_text(path, text)
-    console.print(f"Old gains: {kept}", soft_wrap=True, markup=False, highlight=False)
+    say(f"Old gains: {kept}")
     print_saved(path)
 
 

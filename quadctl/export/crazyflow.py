@@ -13,9 +13,11 @@ from quadctl.effects.rotor_drag import LinearDrag
 from quadctl.effects.thrust_scale import ConstantScale
 from quadctl.errors import SettingsError
 from quadctl.export.equations import commands_left_out
+from quadctl.export.left_out import Kind
 from quadctl.frames import GRAVITY_M_S2
 from quadctl.model import Model
 from quadctl.vehicle import Vehicle
+from quadctl.words import Fact, fact
 
 N_ROTORS = 4
 LEAST_LAG_S = 1e-3
@@ -26,7 +28,7 @@ class Parameters(NamedTuple):
     """Parameters by their names in crazyflow, numbers or nested lists, and what they leave out of the model."""
 
     values: dict[str, object]
-    left_out: tuple[str, ...]
+    left_out: tuple[Fact, ...]
 
 
 def parameters(model: Model) -> Parameters:
@@ -49,14 +51,14 @@ def parameters(model: Model) -> Parameters:
                 drag_kg_s[axis] += vehicle.mass_kg * deceleration
         elif isinstance(effect, AxialInflow):
             drag_kg_s[2] += effect.k * vehicle.weight_n / vehicle.hover_induced_velocity_m_s
-            left_out.append(
-                f"{effect.name}: proportional to the thrust in the model, constant in crazyflow; equal in hover"
-            )
+            form = {"model": "proportional to the thrust", "target": "constant in crazyflow", "equal": "equal"}
+            left_out.append(fact(Kind.OTHER_FORM, effect=effect.name, **form))
         elif isinstance(effect, FirstOrderLag):
             lag_s += effect.time_constant_s
-            left_out.append(f"{effect.name}: two lags in a row, one of their sum in crazyflow, of speed, not of thrust")
+            lag = "one of their sum in crazyflow, of speed, not of thrust"
+            left_out.append(fact(Kind.TWO_LAGS, effect=effect.name, target=lag))
         else:
-            left_out.append(f"{effect.name}: crazyflow's first_principles has no parameter for it")
+            left_out.append(fact(Kind.NO_PARAMETER, effect=effect.name, target="crazyflow's first_principles"))
     thrust_n_per_rpm2 = scale * vehicle.rotor.thrust_n_per_rpm2
     inertia = vehicle.principal_inertia_kg_m2
     rate = 1.0 / max(lag_s, LEAST_LAG_S)
@@ -81,7 +83,7 @@ def parameters(model: Model) -> Parameters:
     return Parameters(values, tuple(left_out))
 
 
-def crazyflow_code(model: Model) -> tuple[str, tuple[str, ...]]:
+def crazyflow_code(model: Model) -> tuple[str, tuple[Fact, ...]]:
     """Text of a Python file with `parameters`, and what it leaves out."""
     values, left_out = parameters(model)
     text = "\n".join(

@@ -26,6 +26,7 @@ from quadctl.export.equations import (
 from quadctl.frames import GRAVITY_M_S2, rotate, rotate_inverse
 from quadctl.model import Model
 from quadctl.numeric import SYMBOLIC, Vector, plus
+from quadctl.words import Fact
 
 SAMPLE_STATE = (0.3, -0.2, -0.7, 1.1, -0.6, 0.4, 0.94, 0.14, -0.1, 0.295, 0.1, -0.2, 0.3)
 SAMPLE_PARAMETERS = (14.6, 12.3)
@@ -52,7 +53,7 @@ class Dynamics(NamedTuple):
     states: tuple[str, ...]
     """Names of the states of `commanded`."""
     parameters: tuple[str, ...]
-    left_out: tuple[str, ...]
+    left_out: tuple[Fact, ...]
     """Parts of the model that are not in the functions, each with the reason."""
 
 

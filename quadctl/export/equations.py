@@ -13,7 +13,9 @@ from quadctl.effects.ground_effect_surfaces import Surfaces
 from quadctl.effects.motor_lag import FirstOrderLag
 from quadctl.effects.per_flight import PerFlight
 from quadctl.errors import SettingsError
+from quadctl.export.left_out import Kind
 from quadctl.model import Model
+from quadctl.words import Fact, fact
 
 STATE = (
     *("north_m", "east_m", "down_m", "v_north_m_s", "v_east_m_s", "v_down_m_s"),
@@ -55,7 +57,7 @@ class Actuation(NamedTuple):
     """The motor lag of the model; None where it holds none."""
     before: Model
     after: Model
-    left_out: tuple[str, ...]
+    left_out: tuple[Fact, ...]
 
     @property
     def stages(self) -> tuple[Stage, ...]:
@@ -79,7 +81,7 @@ def actuation(model: Model) -> Actuation:
                 else None
             )
         elif effect.adds_lag:
-            left_out.append(f"{effect.name}: a delay of another kind than a first-order lag")
+            left_out.append(fact(Kind.OTHER_DELAY, effect=effect.name))
     return Actuation(
         Stage("rotor", "the rotors', by the vehicle file", lag_s) if lag_s > 0.0 else None,
         late,
@@ -103,34 +105,31 @@ def command_delay_s(model: Model) -> tuple[float, float, float] | None:
     return known[-1] if known and known[-1][0] > 0.0 else None
 
 
-def delay_left_out(model: Model) -> list[str]:
-    """The sentence on the delay of the command, which no target can hold; none where there is none."""
+def delay_left_out(model: Model) -> list[Fact]:
+    """The delay of the command, which no target can hold; none where there is none."""
     if (delay := command_delay_s(model)) is None:
         return []
-    value, low, high = delay
-    said = f"{value:.3f} s [{low:.3f}, {high:.3f}] in the flights of the fit"
-    return [f"delay of the command: {said}: give the command of so long ago"]
+    return [fact(Kind.DELAY, **dict(zip(("delay_s", "low_s", "high_s"), delay, strict=True)))]
 
 
-def commands_left_out(model: Model, target: str) -> list[str]:
+def commands_left_out(model: Model, target: str) -> list[Fact]:
     """Parts of the model before the speeds of the rotors, for a target that is commanded by these."""
     line = model.vehicle.throttle
-    law = f"{line.offset:g} + {line.per_newton:g} T"
-    return [f"throttle line ({law}): {target} is commanded by rotor speeds", *delay_left_out(model)]
+    throttle = fact(Kind.THROTTLE_LINE, offset=line.offset, per_newton=line.per_newton, target=target)
+    return [throttle, *delay_left_out(model)]
 
 
-def left_out(model: Model, stages: Actuation) -> tuple[str, ...]:
+def left_out(model: Model, stages: Actuation) -> tuple[Fact, ...]:
     """Parts of a model that its equations do not hold, each with the reason."""
     found = [*stages.left_out, *delay_left_out(model)]
     for effect in model.effects:
         if effect.acts_by("sensed_m_s2"):
-            found.append(f"{effect.name}: an error of the accelerometer, which moves nothing")
+            found.append(fact(Kind.SENSED, effect=effect.name))
         flight = effect.values().get("flight", 0.0)
         if flight > 0.0:
-            found.append(f"{effect.name}: it begins in flight {flight:g}, and these equations are of no flight")
+            found.append(fact(Kind.LATER_FLIGHT, effect=effect.name, flight=flight))
         elif isinstance(effect, PerFlight) and effect.numbers:
-            others = ", ".join(str(number) for number in effect.numbers)
-            found.append(f"{effect.name}: its values of flight {others}: those of all other flights are taken")
+            found.append(fact(Kind.OF_FLIGHTS, effect=effect.name, flights=effect.numbers))
     return tuple(found)
 
 

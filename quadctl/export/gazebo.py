@@ -14,8 +14,10 @@ from quadctl.effects.motor_lag import FirstOrderLag
 from quadctl.effects.rotor_drag import LinearDrag
 from quadctl.effects.thrust_scale import ConstantScale
 from quadctl.export.equations import commands_left_out
+from quadctl.export.left_out import Kind
 from quadctl.model import Model
 from quadctl.vehicle import RotorPlace, Vehicle
+from quadctl.words import Fact, fact
 
 ROTOR_MASS_SHARE = 0.005
 """Mass of one rotor's link over that of the vehicle; the base has what is left, so that mass and inertia are exact."""
@@ -32,7 +34,7 @@ class _Base(NamedTuple):
     inertia_kg_m2: NDArray[np.float64]
 
 
-def gazebo_sdf(model: Model) -> tuple[str, tuple[str, ...]]:
+def gazebo_sdf(model: Model) -> tuple[str, tuple[Fact, ...]]:
     """Text of an SDF model, and what it leaves out of the model."""
     vehicle = model.vehicle
     scale = math.prod(effect.factor for effect in model.effects if isinstance(effect, ConstantScale))
@@ -42,20 +44,19 @@ def gazebo_sdf(model: Model) -> tuple[str, tuple[str, ...]]:
     for effect in model.effects:
         if isinstance(effect, FirstOrderLag):
             lag_s += effect.time_constant_s
-            left_out.append(f"{effect.name}: two lags in a row, the time constants are the sum; Gazebo's is of speed")
+            lag = "the time constants are the sum; Gazebo's is of speed"
+            left_out.append(fact(Kind.TWO_LAGS, effect=effect.name, target=lag))
         elif isinstance(effect, LinearDrag):
             drag += vehicle.mass_kg * 0.5 * (effect.d_x + effect.d_y) / (vehicle.n_rotors * hover_rad_s)
-            left_out.append(
-                f"{effect.name}: constant in the model, Gazebo's grows with the rotor speed; equal in hover"
-            )
+            form = {"model": "constant", "target": "Gazebo's grows with the rotor speed", "equal": "equal"}
+            left_out.append(fact(Kind.OTHER_FORM, effect=effect.name, **form))
             if effect.d_x != effect.d_y:
-                left_out.append(
-                    f"{effect.name}: the difference of d_x {effect.d_x:g} and d_y {effect.d_y:g}: their mean"
-                )
+                values = f"d_x {effect.d_x:g} and d_y {effect.d_y:g}"
+                left_out.append(fact(Kind.DIFFERENCE, effect=effect.name, values=values, mean="their mean"))
             if effect.d_z:
-                left_out.append(f"{effect.name}: d_z {effect.d_z:g}: Gazebo's rotors have no drag along their axes")
+                left_out.append(fact(Kind.ALONG_AXES, effect=effect.name, d_z=effect.d_z))
         elif not isinstance(effect, ConstantScale):
-            left_out.append(f"{effect.name}: the motor model plugin has no parameter for it")
+            left_out.append(fact(Kind.NO_PARAMETER, effect=effect.name, target="the motor model plugin"))
     speeds = {
         "timeConstantUp": lag_s,
         "timeConstantDown": lag_s,
@@ -71,7 +72,7 @@ def gazebo_sdf(model: Model) -> tuple[str, tuple[str, ...]]:
     lines = [
         '<?xml version="1.0"?>',
         f"<!-- {_escaped(model.name)}, written by quadctl. Body: forward, left, up. -->",
-        *(f"<!-- Left out: {_escaped(reason)}. -->" for reason in left_out),
+        *(f"<!-- Left out: {_escaped(str(reason))}. -->" for reason in left_out),
         '<sdf version="1.9">',
         f'  <model name="{name}">',
         '    <link name="base_link">',

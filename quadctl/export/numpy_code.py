@@ -26,6 +26,7 @@ from quadctl.export.terms import Named, Names, Renamed, Symbol, written
 from quadctl.frames import GRAVITY_M_S2
 from quadctl.model import Model, StackedEffect
 from quadctl.vehicle import Vehicle
+from quadctl.words import Fact
 
 WIDTH = 110
 """Width of the text in the file."""
@@ -93,7 +94,7 @@ MOMENT = _Hook(
 WIND = _Hook("velocity", "Velocity of the air: north, east, down, m/s.", lambda e, s: e.wind_ned_m_s(s.here))
 
 
-def numpy_code(model: Model) -> tuple[str, tuple[str, ...]]:
+def numpy_code(model: Model) -> tuple[str, tuple[Fact, ...]]:
     """Text of the Python file, and what of the model it leaves out.
 
     Raises

@@ -17,9 +17,11 @@ from quadctl.effects.thrust_scale import ConstantScale
 from quadctl.effects.translational_lift import HorizontalLift
 from quadctl.errors import SettingsError
 from quadctl.export.equations import commands_left_out
+from quadctl.export.left_out import Kind
 from quadctl.frames import GRAVITY_M_S2
 from quadctl.model import Model
 from quadctl.vehicle import Vehicle
+from quadctl.words import Fact, fact
 
 ROTORPY_GRAVITY_M_S2 = 9.81
 N_ROTORS = 4
@@ -30,7 +32,7 @@ class Parameters(NamedTuple):
     """Vehicle parameters of RotorPy, by their names there, and what they leave out of the model."""
 
     values: dict[str, object]
-    left_out: tuple[str, ...]
+    left_out: tuple[Fact, ...]
 
 
 def parameters(model: Model) -> Parameters:
@@ -70,8 +72,12 @@ def parameters(model: Model) -> Parameters:
     coefficients = dict.fromkeys(("c_Dx", "c_Dy", "c_Dz", "k_d", "k_z", "k_h", "k_flap"), 0.0)
     hover_rad_s = math.sqrt(vehicle.weight_n / vehicle.n_rotors / k_eta)
     left_out = [
-        f"gravity: RotorPy's is {ROTORPY_GRAVITY_M_S2}, the model's {GRAVITY_M_S2}: "
-        f"{ROTORPY_GRAVITY_M_S2 - GRAVITY_M_S2:.4f} m/s^2 more downward",
+        fact(
+            Kind.GRAVITY,
+            theirs=ROTORPY_GRAVITY_M_S2,
+            ours=GRAVITY_M_S2,
+            more=ROTORPY_GRAVITY_M_S2 - GRAVITY_M_S2,
+        ),
         *commands_left_out(model, "RotorPy"),
     ]
     for effect in model.effects:
@@ -79,20 +85,21 @@ def parameters(model: Model) -> Parameters:
             continue
         if isinstance(effect, FirstOrderLag):
             values["tau_m"] = vehicle.rotor.time_constant_s + effect.time_constant_s
-            left_out.append(f"{effect.name}: two lags in a row, tau_m is the sum; RotorPy's is of speed, not of thrust")
+            lag = "tau_m is the sum; RotorPy's is of speed, not of thrust"
+            left_out.append(fact(Kind.TWO_LAGS, effect=effect.name, target=lag))
             continue
         translate = _TRANSLATIONS.get(type(effect))
         if translate is None:
-            left_out.append(f"{effect.name}: RotorPy's vehicle has no parameter for it")
+            left_out.append(fact(Kind.NO_PARAMETER, effect=effect.name, target="RotorPy's vehicle"))
             continue
         added, remarks = translate(effect, vehicle, hover_rad_s)
         for name, value in added.items():
             coefficients[name] += value
-        left_out += [f"{effect.name}: {remark}" for remark in remarks]
+        left_out += remarks
     return Parameters(values | coefficients, tuple(left_out))
 
 
-def rotorpy_code(model: Model) -> tuple[str, tuple[str, ...]]:
+def rotorpy_code(model: Model) -> tuple[str, tuple[Fact, ...]]:
     """Text of a Python file with `quad_params`, and what it leaves out."""
     values, left_out = parameters(model)
     lines = [f"    {name!r}: {_literal(name, value)}," for name, value in values.items()]
@@ -135,16 +142,18 @@ def _require_rotors(vehicle: Vehicle) -> None:
             )
 
 
-_Translated = tuple[dict[str, float], list[str]]
+_Translated = tuple[dict[str, float], list[Fact]]
 """Coefficients of RotorPy to be added, and what they leave out."""
 
 
 def _rotor_drag(effect: Effect, vehicle: Vehicle, hover_rad_s: float) -> _Translated:
     assert isinstance(effect, LinearDrag)
     per_rotor = vehicle.mass_kg / (vehicle.n_rotors * hover_rad_s)
-    remarks = ["constant in the model, RotorPy's grows with the rotor speed; they are equal in hover"]
+    form = {"model": "constant", "target": "RotorPy's grows with the rotor speed", "equal": "they are equal"}
+    remarks = [fact(Kind.OTHER_FORM, effect=effect.name, **form)]
     if effect.d_x != effect.d_y:
-        remarks.append(f"the difference of d_x {effect.d_x:g} and d_y {effect.d_y:g}: k_d is of their mean")
+        values = f"d_x {effect.d_x:g} and d_y {effect.d_y:g}"
+        remarks.append(fact(Kind.DIFFERENCE, effect=effect.name, values=values, mean="k_d is of their mean"))
     return {"k_d": per_rotor * 0.5 * (effect.d_x + effect.d_y), "k_z": per_rotor * effect.d_z}, remarks
 
 
@@ -158,14 +167,15 @@ def _body_drag(effect: Effect, vehicle: Vehicle, hover_rad_s: float) -> _Transla
 def _inflow(effect: Effect, vehicle: Vehicle, hover_rad_s: float) -> _Translated:
     assert isinstance(effect, AxialInflow)
     loss = effect.k * vehicle.weight_n / vehicle.hover_induced_velocity_m_s
-    remark = "proportional to the thrust in the model, to the rotor speed in RotorPy; they are equal in hover"
+    thrust, speed = "proportional to the thrust", "to the rotor speed in RotorPy"
+    remark = fact(Kind.OTHER_FORM, effect=effect.name, model=thrust, target=speed, equal="they are equal")
     return {"k_z": loss / (vehicle.n_rotors * hover_rad_s)}, [remark]
 
 
 def _lift(effect: Effect, vehicle: Vehicle, hover_rad_s: float) -> _Translated:
     assert isinstance(effect, HorizontalLift)
     v_h = vehicle.hover_induced_velocity_m_s
-    remark = f"its saturation above {v_h:.3g} m/s: RotorPy's lift grows with the square of the speed without end"
+    remark = fact(Kind.SATURATION, effect=effect.name, speed_m_s=v_h)
     return {"k_h": effect.gain * vehicle.weight_n / (vehicle.n_rotors * v_h**2)}, [remark]
 
 

@@ -12,15 +12,17 @@ from quadctl.effects.rotor_drag import LinearDrag
 from quadctl.effects.thrust_scale import ConstantScale
 from quadctl.errors import SettingsError
 from quadctl.export.equations import delay_left_out
+from quadctl.export.left_out import Kind
 from quadctl.export.px4 import REAL32
 from quadctl.model import Model
 from quadctl.vehicle import Vehicle
+from quadctl.words import Fact, fact
 
 SAME = 0.02
 """Largest relative difference between numbers that count as the same."""
 
 
-def sih_parameters(model: Model) -> tuple[str, tuple[str, ...]]:
+def sih_parameters(model: Model) -> tuple[str, tuple[Fact, ...]]:
     """Text of a parameter file as QGroundControl loads it, and what it leaves out of the model.
 
     Raises
@@ -40,14 +42,16 @@ def sih_parameters(model: Model) -> tuple[str, tuple[str, ...]]:
             drag_kg_s += vehicle.mass_kg * _mean(each, item.fitted.ci95 if item.fitted is not None else {})
             if max(each.values()) - min(each.values()) > SAME * max(each.values()):
                 numbers = ", ".join(f"{name} {value:g}" for name, value in each.items())
-                left_out.append(f"{effect.name}: the difference of {numbers}: their mean, along all axes")
+                mean = "their mean, along all axes"
+                left_out.append(fact(Kind.DIFFERENCE, effect=effect.name, values=numbers, mean=mean))
         elif isinstance(effect, FirstOrderLag):
             lag_s += effect.time_constant_s
-            left_out.append(f"{effect.name}: two lags in a row, SIH_T_TAU is the sum of their time constants")
+            lag = "SIH_T_TAU is the sum of their time constants"
+            left_out.append(fact(Kind.TWO_LAGS, effect=effect.name, target=lag))
         else:
-            left_out.append(f"{effect.name}: SIH has no parameter for it")
+            left_out.append(fact(Kind.NO_PARAMETER, effect=effect.name, target="SIH"))
     if vehicle.throttle.offset != 0.0:
-        left_out.append(f"throttle offset {vehicle.throttle.offset:g}: SIH's thrust is proportional to the output")
+        left_out.append(fact(Kind.THROTTLE_OFFSET, offset=vehicle.throttle.offset))
     most_n = scale * (1.0 - vehicle.throttle.offset) / vehicle.throttle.per_newton / vehicle.n_rotors
     ixx, iyy, izz = vehicle.principal_inertia_kg_m2
     values = {

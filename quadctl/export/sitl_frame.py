@@ -15,9 +15,11 @@ from quadctl.errors import SettingsError
 from quadctl.export.ardupilot import ARDUPILOT
 from quadctl.export.equations import delay_left_out
 from quadctl.export.hover import bend, lift_n, root
+from quadctl.export.left_out import Kind
 from quadctl.frames import GRAVITY_M_S2
 from quadctl.model import Model
 from quadctl.vehicle import Vehicle
+from quadctl.words import Fact, fact
 
 THRUST = {"thrust", "throttle", "exponent"}
 """Numbers that are in the thrust over the command."""
@@ -29,7 +31,7 @@ SAME = 0.02
 """Largest relative difference between numbers that count as the same."""
 
 
-def sitl_frame(model: Model) -> tuple[str, tuple[str, ...]]:
+def sitl_frame(model: Model) -> tuple[str, tuple[Fact, ...]]:
     """Text of a frame file for `--model "quad:FILE.json"`, and what it leaves out of the model.
 
     Raises
@@ -44,8 +46,8 @@ def sitl_frame(model: Model) -> tuple[str, tuple[str, ...]]:
     if full_n <= vehicle.weight_n:
         raise SettingsError(f"{vehicle.name}: full throttle lifts {full_n:.3g} N, expected more than its weight")
     left_out = [
-        "motor lag: SITL has a limit of the slope (slew_max) instead",
-        "battery, voltage sag and position of each rotor: SITL's own",
+        Fact(Kind.MOTOR_LAG),
+        Fact(Kind.EACH_ROTOR),
         *delay_left_out(model),
     ]
     drag_per_s, area_m2 = 0.0, 0.0
@@ -59,11 +61,11 @@ def sitl_frame(model: Model) -> tuple[str, tuple[str, ...]]:
         elif THRUST & set(effect.corrects):
             continue
         else:
-            left_out.append(f"{effect.name}: SITL has no parameter for it")
+            left_out.append(fact(Kind.NO_PARAMETER, effect=effect.name, target="SITL"))
             continue
         if max(each) - min(each) > SAME * max(each):
             numbers = ", ".join(f"{value:g}" for value in each)
-            left_out.append(f"{effect.name}: its difference between axes ({numbers}): the mean of x and y, along all")
+            left_out.append(fact(Kind.DIFFERENCE_OF_AXES, effect=effect.name, values=numbers))
     discs_m2 = vehicle.n_rotors * math.pi * vehicle.rotor.radius_m**2
     momentum = _momentum_coefficient(vehicle, drag_per_s, discs_m2)
     frame: dict[str, float | list[float]] = {

@@ -9,12 +9,13 @@ from tempfile import TemporaryDirectory
 from quadctl.export.ardupilot import ARDUPILOT
 from quadctl.export.px4 import PX4
 from quadctl.model import Model
+from quadctl.words import Fact
 
 AUTOPILOTS = {"px4": PX4, "ardupilot": ARDUPILOT}
 """Targets that are parameters of an autopilot, by the word of `--to`."""
 
 
-def _write_casadi(model: Model, path: Path) -> tuple[str, ...]:
+def _write_casadi(model: Model, path: Path) -> tuple[Fact, ...]:
     import casadi as ca  # takes half a second
 
     from quadctl.export.dynamics import dynamics
@@ -30,14 +31,14 @@ def _write_casadi(model: Model, path: Path) -> tuple[str, ...]:
     return equations.left_out
 
 
-def _of_text(source: str, model: Model, path: Path) -> tuple[str, ...]:
+def _of_text(source: str, model: Model, path: Path) -> tuple[Fact, ...]:
     """Write the text of `source`, `module:function`; that takes a model and returns text and what it leaves out."""
     text, left_out = resolve_name(f"quadctl.export.{source}")(model)
     path.write_text(text, encoding="utf-8")
     return tuple(left_out)
 
 
-PROGRAMS: dict[str, Callable[[Model, Path], tuple[str, ...]]] = {
+PROGRAMS: dict[str, Callable[[Model, Path], tuple[Fact, ...]]] = {
     "casadi": _write_casadi,
     "numpy": partial(_of_text, "numpy_code:numpy_code"),
     "rotorpy": partial(_of_text, "rotorpy:rotorpy_code"),

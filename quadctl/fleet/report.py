@@ -28,8 +28,8 @@ def write_report(path: Path, fleet: Fleet, folder: Path, model: Path) -> None:
     text = environment.from_string(template).render(
         folder=str(folder),
         model=str(model),
-        lines=fleet.lines(),
-        counted=fleet.counted().splitlines(),
+        lines=[str(found) for found in fleet.changed()],
+        counted=[str(found) for found in fleet.counted()],
         spreads=fleet.spreads,
         panels=_panels(fleet),
         software=f"quadctl {__version__}",

@@ -3,6 +3,7 @@
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
+from enum import unique
 from functools import cached_property
 from typing import Any, NamedTuple
 
@@ -16,10 +17,37 @@ from quadctl.fleet.changes import number_of_tests as count_tests
 from quadctl.fleet.measurement import FlightRecord
 from quadctl.lab.random_effects import Population
 from quadctl.lab.results import Result
+from quadctl.words import Fact, Facts, Kinds, Words, fact
 
 LEAST_FOR_MEAN = 2
 """Least number of flights of a vehicle whose scatter says how well its mean is known."""
 PROBLEMS_SHOWN = 10
+
+
+@unique
+class Kind(Kinds):
+    """Kinds of findings about a fleet, each with the template of its words."""
+
+    MEASURED = "{measured} of {all} flights of {vehicles} vehicles measured."
+    REFUSED = "Refused:"
+    REASON = "  {flights} x {reason}"
+    MORE_REASONS = "  and {reasons} other reasons (--json has all)"
+    NO_TEST = "No vehicle has {flights} flights that show the same quantity: no change can be told."
+    NO_CHANGE = "No vehicle changes: none of {tests} tests (false discovery rate {rate:.0%})."
+    CHANGES = "{changes:count change} in {tests} tests (at most {rate:.0%} of such findings are false, on average):"
+    DRIFT = "  {vehicle}: {quantity} drifts by {size:+.3g} {ci95:interval} in ten flights ({p:p}, adjusted)."
+    JUMP = "  {vehicle}: {quantity} jumps by {size:+.3g} {ci95:interval} with {since} ({p:p}, adjusted)."
+
+    def said(self, facts: Facts) -> str:
+        return _WORDS.say(self.value, facts)
+
+
+_WORDS = Words(
+    {
+        "interval": lambda ends: "[{:+.3g}, {:+.3g}]".format(*ends),
+        "p": lambda p: "p < 1e-4" if p < 1e-4 else f"p = {p:.2g}",
+    }
+)
 
 
 class Spread(NamedTuple):
@@ -110,20 +138,23 @@ class Fleet(Result):
         }
 
     def __rich__(self) -> RenderableType:
-        parts: list[RenderableType] = [Text(self.counted())]
+        parts: list[RenderableType] = [Text("\n".join(map(str, self.counted())))]
         if self.spreads:
             parts.append(self._spread_table())
-        parts.append(Text("\n".join(self.lines())))
+        parts.append(Text("\n".join(map(str, self.changed()))))
         return Group(*parts)
 
-    def counted(self) -> str:
-        """Number of flights and vehicles, and what was refused, in words."""
-        said = f"{len(self.measured)} of {len(self.records)} flights of {len(self.vehicles)} vehicles measured."
+    def counted(self) -> list[Fact]:
+        """Number of flights and vehicles, and what was refused."""
+        measured, all_ = len(self.measured), len(self.records)
+        found = [fact(Kind.MEASURED, measured=measured, all=all_, vehicles=len(self.vehicles))]
         reasons = Counter(record.problem.removeprefix(f"{record.flight}: ") for record in self.refused)
-        lines = [f"  {count} x {reason}" for reason, count in reasons.most_common(PROBLEMS_SHOWN)]
-        rest = len(reasons) - len(lines)
-        more = [f"  and {rest} other reasons (--json has all)"] if rest > 0 else []
-        return "\n".join([said, *(["Refused:", *lines, *more] if lines else [])])
+        if reasons:
+            told = reasons.most_common(PROBLEMS_SHOWN)
+            found += [Fact(Kind.REFUSED), *(fact(Kind.REASON, flights=n, reason=reason) for reason, n in told)]
+        if len(reasons) > PROBLEMS_SHOWN:
+            found.append(fact(Kind.MORE_REASONS, reasons=len(reasons) - PROBLEMS_SHOWN))
+        return found
 
     def _spread_table(self) -> Table:
         table = Table(title="Each quantity over the fleet", title_justify="left")
@@ -136,29 +167,19 @@ class Fleet(Result):
             table.add_row(s.quantity, *(f"{x:.3g}" for x in numbers), str(s.vehicles), str(s.flights))
         return table
 
-    def lines(self) -> list[str]:
-        """A sentence for each change, and one on how many of them may be false."""
+    def changed(self) -> list[Fact]:
+        """Each change, after the number of tests and of changes that may be false."""
         tests = count_tests(self.series)
         if not tests:
-            return [f"No vehicle has {LEAST_FLIGHTS} flights that show the same quantity: no change can be told."]
+            return [fact(Kind.NO_TEST, flights=LEAST_FLIGHTS)]
+        of = {"tests": tests, "rate": self.false_discoveries}
         if not self.changes:
-            return [f"No vehicle changes: none of {tests} tests (false discovery rate {self.false_discoveries:.0%})."]
-        share = f"at most {self.false_discoveries:.0%} of such findings are false, on average"
-        count = len(self.changes)
-        return [
-            f"{count} change{'s' if count > 1 else ''} in {tests} tests ({share}):",
-            *(f"  {in_words(change)}" for change in self.changes),
-        ]
-
-
-def in_words(change: Change) -> str:
-    """One sentence: what changed, by how much, since when."""
-    low, high = change.ci95
-    p = "p < 1e-4" if change.adjusted < 1e-4 else f"p = {change.adjusted:.2g}"
-    size = f"{change.size:+.3g} [{low:+.3g}, {high:+.3g}]"
-    if change.kind == "drift":
-        return f"{change.vehicle}: {change.quantity} drifts by {size} in ten flights ({p}, adjusted)."
-    return f"{change.vehicle}: {change.quantity} jumps by {size} with {change.since} ({p}, adjusted)."
+            return [fact(Kind.NO_CHANGE, **of)]
+        each = (
+            fact(Kind.DRIFT if change.kind == "drift" else Kind.JUMP, **change._asdict(), p=change.adjusted)
+            for change in self.changes
+        )
+        return [fact(Kind.CHANGES, changes=len(self.changes), **of), *each]
 
 
 def summarise(records: Sequence[FlightRecord]) -> Fleet:

@@ -15,8 +15,9 @@ from quadctl.flight.loop import fly, landing_on_signals
 from quadctl.flight.pilot.outcome import Outcome, Tally
 from quadctl.flight.pilot.tick import Tick
 from quadctl.flight.preflight.changed_parameters import ChangedParameters, left_behind, restore, still_changed
+from quadctl.flight.preflight.facts import Kind
 from quadctl.flight.preflight.findings import Verdict, of_verdict
-from quadctl.flight.preflight.inquiry import CHECKS_OFF, NO_REMOTE, advisable_parameters
+from quadctl.flight.preflight.inquiry import advisable_parameters
 from quadctl.flight.preflight.lateral import ask_about_lateral_force
 from quadctl.flight.preflight.plan import FlightPlan
 from quadctl.flight.preflight.requirements import requirements_met
@@ -24,6 +25,7 @@ from quadctl.flight.realtime import privileges, run
 from quadctl.flight.record.display import Display
 from quadctl.flight.record.view_link import ViewEnd, ViewLink
 from quadctl.flight.watchdog import Watchdog
+from quadctl.words import Fact
 
 RESIDUAL_EVERY_S = 0.5
 RESIDUAL = "residual"
@@ -64,20 +66,26 @@ def fly_real_time(
     autopilot = MavsdkAutopilot(url, plan.body.vehicle.n_rotors, link.timeout_s, link.system_id)
     try:
         with privileges() as real_time:
-            return run(_fly(plan, autopilot, log_dir, console, allowed or Allowed(), view, real_time))
+            return run(_fly(_Session(plan, autopilot, log_dir, console, allowed or Allowed(), view, real_time)))
     except KeyboardInterrupt:  # in flight, Ctrl-C is a wish to land
         raise FlightError("interrupted while the link was being opened or closed") from None
 
 
-async def _fly(
-    plan: FlightPlan,
-    autopilot: Autopilot,
-    log_dir: Path,
-    console: Console,
-    allowed: Allowed,
-    view: ViewEnd | None,
-    real_time: Sequence[str],
-) -> Outcome:
+class _Session(NamedTuple):
+    """What one flight is given."""
+
+    plan: FlightPlan
+    autopilot: Autopilot
+    log_dir: Path
+    console: Console
+    allowed: Allowed
+    view: ViewEnd | None
+    real_time: Sequence[str]
+
+
+async def _fly(session: _Session) -> Outcome:
+    plan, autopilot, _, console, allowed, *_ = session
+
     def warn(sentence: str) -> None:
         console.print(f"warning: {sentence}", style="yellow", soft_wrap=True, markup=False, highlight=False)
 
@@ -92,15 +100,15 @@ async def _fly(
         for warning in [*autopilot.warnings, *of_verdict(advice, Verdict.WARNING)]:
             warn(str(warning))
         if autopilot.state().checks_off:
-            warn(f"{CHECKS_OFF}.")
+            warn(f"{Fact(Kind.CHECKS_OFF)}.")
         if autopilot.state().remote is False:
-            warn(f"{NO_REMOTE}.")
+            warn(f"{Fact(Kind.NO_REMOTE)}.")
         kept = None
         if allowed.keep_in is not None:
             kept = ChangedParameters(allowed.keep_in, await autopilot.identity())
         await _look_for_left_parameters(autopilot, allowed, kept, warn)
         async with requirements_met(autopilot, allowed.set_parameters, warn, allowed.without_failsafe, kept):
-            return await _fly_prepared(plan, autopilot, log_dir, console, allowed, view, real_time)
+            return await _fly_prepared(session)
     finally:
         await autopilot.close()
 
@@ -116,18 +124,11 @@ async def _look_for_left_parameters(
         await restore(autopilot, left, kept, warn)
     elif not allowed.set_parameters:
         for name, change in left.items():
-            warn(left_behind(name, change))
+            warn(str(left_behind(name, change)))
 
 
-async def _fly_prepared(
-    plan: FlightPlan,
-    autopilot: Autopilot,
-    log_dir: Path,
-    console: Console,
-    allowed: Allowed,
-    view: ViewEnd | None,
-    real_time: Sequence[str],
-) -> Outcome:
+async def _fly_prepared(session: _Session) -> Outcome:
+    plan, autopilot, log_dir, console, allowed, view, real_time = session
     rate_hz, firmware = plan.settings.controller.rate_hz, autopilot.firmware
     pilot = plan.pilot(firmware.takes_off_itself, firmware.stays_up and not allowed.without_failsafe)
     recorder = plan.recorder(log_dir, autopilot.description, real_time)

@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import dataclass
+from enum import unique
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -16,6 +17,33 @@ from quadctl.ground_curve.measurement import Measurement
 from quadctl.model import Model, Provenance
 from quadctl.settings import nearest
 from quadctl.vehicle import Vehicle
+from quadctl.words import Fact, Facts, Kinds, Words, fact
+
+POLE = "it is not finite at a height measured"
+AT_BOUND = "(at its bound)"
+
+
+@unique
+class Kind(Kinds):
+    """Kinds of findings, each with the template of its words."""
+
+    READINGS = (
+        "{readings} readings at {heights} heights. Error of thrust on heights that the fit has not seen, % of the "
+        "thrust far from the ground:"
+    )
+    BEST = "  {name}  {fit.held_out:percent}  best        {fit:numbers}"
+    OTHER = "  {name}  {fit.held_out:percent}  p = {p:<6.2g}  {fit:numbers}"
+    NOT_DISTINCT = (
+        "These data cannot tell {best} from {others:list} (p > {level:g}): measure lower, at more heights, or with "
+        "more repeats."
+    )
+    DISTINCT = "{best} is better than every other formula (p <= {level:g})."
+    NOT_SEEN = "A ground effect is not seen in these data."
+    POLES = "Not finite at a height measured: {names:list}."
+    FAR = "Thrust far from the ground, fitted with {best}: {far_n:newtons}."
+
+    def said(self, facts: Facts) -> str:
+        return _WORDS.say(self.value, facts)
 
 
 @dataclass(frozen=True)
@@ -134,41 +162,33 @@ class GroundCurve:
             "thrust_far_n": None if self.measurement.is_ratio else [_known(float(far)) for far in fit.far],
         }
 
-    def lines(self) -> list[str]:
-        """For the terminal."""
-        heights = len(self.best.height_errors)
+    def findings(self) -> list[Fact]:
+        """Findings in the order in which they are told."""
         width = max(len(fit.formula.name) for fit in self.fits)
-        lines = [
-            f"{len(self.measurement.points)} readings at {heights} heights. Error of thrust on heights that the fit "
-            "has not seen, % of the thrust far from the ground:"
-        ]
-        lines += [
-            f"  {fit.formula.name:{width}}  {_percent(fit.held_out):>8}  {self._told_apart(fit, p)}{_numbers(fit)}"
+        errors = [
+            fact(Kind.BEST if fit is self.best else Kind.OTHER, fit=fit, p=p, name=f"{fit.formula.name:{width}}")
             for fit, p in zip(self.fits, self.p_values, strict=True)
         ]
-        return [*lines, *self._remarks()]
+        return [
+            fact(Kind.READINGS, readings=len(self.measurement.points), heights=len(self.best.height_errors)),
+            *errors,
+            *self._remarks(),
+        ]
 
-    def _told_apart(self, fit: Fit, p: float) -> str:
-        return f"{'best' if fit is self.best else f'p = {p:.2g}':10}  "
-
-    def _remarks(self) -> list[str]:
-        lines = []
+    def _remarks(self) -> list[Fact]:
+        best = self.best.formula.name
         if self.equals:
-            names = ", ".join(fit.formula.name for fit in self.equals)
-            lines.append(
-                f"These data cannot tell {self.best.formula.name} from {names} (p > {SIGNIFICANCE:g}): measure lower, "
-                "at more heights, or with more repeats."
-            )
+            others = [fit.formula.name for fit in self.equals]
+            found = [fact(Kind.NOT_DISTINCT, best=best, others=others, level=SIGNIFICANCE)]
         else:
-            lines.append(f"{self.best.formula.name} is better than every other formula (p <= {SIGNIFICANCE:g}).")
+            found = [fact(Kind.DISTINCT, best=best, level=SIGNIFICANCE)]
         if any(fit.formula.effect is None for fit in (self.best, *self.equals)):
-            lines.append("A ground effect is not seen in these data.")
+            found.append(Fact(Kind.NOT_SEEN))
         if poles := [fit.formula.name for fit in self.fits if math.isinf(fit.held_out)]:
-            lines.append(f"Not finite at a height measured: {', '.join(poles)}.")
+            found.append(fact(Kind.POLES, names=poles))
         if not self.measurement.is_ratio:
-            far = ", ".join(f"{value:.4g} N" for value in self.best.far)
-            lines.append(f"Thrust far from the ground, fitted with {self.best.formula.name}: {far}.")
-        return lines
+            found.append(fact(Kind.FAR, best=best, far_n=self.best.far))
+        return found
 
 
 def evaluate(measurement: Measurement, vehicle: Vehicle, source: str) -> GroundCurve:
@@ -180,23 +200,30 @@ def _grounded(fit: Fit) -> str:
     """Reason why the formula must not fly; empty where it may."""
     effect = fit.formula.effect
     assert effect is not None
-    if math.isinf(fit.rmse):
-        return "it is not finite at a height measured"
-    return effect.not_for_flight
+    return POLE if math.isinf(fit.rmse) else effect.not_for_flight
 
 
 def _numbers(fit: Fit) -> str:
-    ci95 = fit.ci95
-    return ", ".join(
-        f"{name} = {value:.4g} " + ("[{:.4g}, {:.4g}]".format(*ci95[name]) if name in ci95 else "(at its bound)")
-        for name, value in zip(fit.formula.names, fit.values, strict=True)
-    )
+    """Numbers of a fit with their 95 % intervals."""
+    ends = {name: "[{:.4g}, {:.4g}]".format(*ci) for name, ci in fit.ci95.items()}
+    pairs = zip(fit.formula.names, fit.values, strict=True)
+    return ", ".join(f"{name} = {value:.4g} {ends.get(name, AT_BOUND)}" for name, value in pairs)
 
 
 def _percent(share: float) -> str:
-    return f"{100.0 * share:.3g}" if math.isfinite(share) else "pole"
+    shown = f"{100.0 * share:.3g}" if math.isfinite(share) else "pole"
+    return f"{shown:>8}"
 
 
 def _known(value: float) -> float | None:
     """None for what is not finite: JSON has no infinity."""
     return value if math.isfinite(value) else None
+
+
+_WORDS = Words(
+    {
+        "percent": _percent,
+        "numbers": _numbers,
+        "newtons": lambda far_n: ", ".join(f"{value:.4g} N" for value in far_n),
+    }
+)

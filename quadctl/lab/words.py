@@ -1,7 +1,6 @@
 """Words of findings: one table of templates for the terminal, the page and the report."""
 
-from collections.abc import Callable, Mapping
-from string import Formatter
+from collections.abc import Mapping
 from typing import Any
 
 from quadctl.lab.comparison.wording import (
@@ -17,6 +16,7 @@ from quadctl.lab.comparison.wording import (
 )
 from quadctl.lab.finding import Finding, Kind
 from quadctl.lab.flights.flight import SPAN_NAMES
+from quadctl.words import Format, Words
 
 TEMPLATES: Mapping[Kind, str] = {
     Kind.MISSING: "Missing: {families:families}.",
@@ -79,7 +79,7 @@ TEMPLATES: Mapping[Kind, str] = {
 
 def in_words(finding: Finding) -> str:
     """Sentence, or of a reason the part of one, with typographic signs."""
-    return _WORDS.vformat(TEMPLATES[finding.kind], (), finding.facts)
+    return _WORDS.say(TEMPLATES[finding.kind], finding.facts)
 
 
 def _leans(flights: Mapping[str, Mapping[str, float]]) -> str:
@@ -99,7 +99,7 @@ def _parameters(values: Mapping[str, Mapping[str, Any]]) -> str:
     return ", ".join(lines) or "no parameters"
 
 
-_FORMATS: Mapping[str, Callable[[Any], str]] = {
+_FORMATS: Mapping[str, Format] = {
     "families": lambda names: listed([plain(name) for name in names]),
     "family": plain,
     "others": lambda names: " or ".join(map(plain, names)),
@@ -110,7 +110,7 @@ _FORMATS: Mapping[str, Callable[[Any], str]] = {
     "flights": flights_in_words,
     "parameters": _parameters,
     "leans": _leans,
-    "span": lambda name: SPAN_NAMES.get(name, name),
+    "span": lambda name: str(SPAN_NAMES.get(name, name)),
     "number": number,
     "m/s²": quantity,
     "percent": percent,
@@ -118,13 +118,4 @@ _FORMATS: Mapping[str, Callable[[Any], str]] = {
     "p": p_in_words,
 }
 
-
-class _Words(Formatter):
-    """Formatter of templates: a field may name one of `_FORMATS`."""
-
-    def format_field(self, value: Any, format_spec: str) -> str:
-        made = _FORMATS.get(format_spec)
-        return made(value) if made is not None else str(super().format_field(value, format_spec))
-
-
-_WORDS = _Words()
+_WORDS = Words(_FORMATS)

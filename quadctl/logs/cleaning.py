@@ -19,7 +19,7 @@ from quadctl.logs.findings import Finding, Kind, finding
 from quadctl.logs.flight_log import POSITION, FlightLog, Floats, did_you_mean
 from quadctl.logs.formats import A_MAP
 from quadctl.logs.sidecar import read_meta
-from quadctl.logs.words import count
+from quadctl.words import count
 
 MAX_STANDSTILL_ROWS = 50
 """More consecutive rows than this without time going on are no glitch: two flights in one file, or no clock."""

@@ -27,7 +27,6 @@ from quadctl.logs.findings import Finding, Kind, finding
 from quadctl.logs.flight_log import RATES, FlightLog, Floats, doubt_of_copy
 from quadctl.logs.merge import Channel, Origin, finite, intervals, merge
 from quadctl.logs.parameter_history import ParameterHistory, change_findings
-from quadctl.logs.words import count
 from quadctl.thrust_chain.atmosphere import (
     Air,
     Version,
@@ -37,6 +36,7 @@ from quadctl.thrust_chain.atmosphere import (
     version_in,
 )
 from quadctl.thrust_chain.chain import Ambient
+from quadctl.words import count
 
 MESSAGES: dict[str, tuple[str, ...]] = {
     **dict.fromkeys(("VER", "XKF1", "XKF4", "NKF1", "NKF4", "EKF1", "EKF4", "ATT", "RATE", "IMU", "RCOU", "CTUN"), ()),

@@ -20,6 +20,7 @@ from quadctl.logs.kinematics import integral
 from quadctl.logs.own_correction import correction_findings
 from quadctl.logs.record.record import Record, examine, mean_rate_hz
 from quadctl.logs.words import worded
+from quadctl.words import By, Template, When, Words
 
 GAP_FACTOR = 5.0
 """An interval between updates longer than this many median ones is a gap."""
@@ -28,6 +29,26 @@ MOVING_M = 0.5
 MIN_MOVING_STRETCHES = 20
 MIN_CLOCK_ERROR = 0.01
 CLOCK_ERROR_SIGMA = 4.0
+LINES: tuple[Template, ...] = (
+    (
+        "Clock: rows {row_interval_ms:.1f} ms apart (median; standard deviation {row_jitter_ms:.1f} ms, longest "
+        "{longest_ms:.0f} ms)",
+        When("is_counted", ", all equal: counted, or simulated, not measured"),
+        ".",
+    ),
+    When(
+        "wrong",
+        (
+            "Positions change {percent:.1f} % (±{error_percent:.1f}) ",
+            By("wrong", {"slow": "more"}, "less"),
+            " than the velocities say: the clock runs {wrong} by as much, or the velocity is wrong.",
+        ),
+    ),
+    ("In flight for about {flight_s:.0f} s; thrust from ", When("thrust_source", "{thrust_source}", "nothing"), "."),
+)
+"""Templates of the first lines of a report."""
+SOURCE, NOTE = "From {source}: {channels:list}.", "Note: {note}."
+CAN_BE, CANNOT_BE = "Can be analysed.", "Cannot be analysed:"
 
 
 @dataclass(frozen=True)
@@ -155,29 +176,27 @@ class QualityReport:
         return Group(table, Text("\n".join(self._lines())))
 
     def _lines(self) -> list[str]:
-        clock = self.clock
-        lines = [
-            f"Clock: rows {1000.0 * clock.row_interval_s:.1f} ms apart (median; standard deviation "
-            f"{1000.0 * clock.row_jitter_s:.1f} ms, longest {1000.0 * clock.longest_row_interval_s:.0f} ms)"
-            + (", all equal: counted, or simulated, not measured." if clock.is_counted else ".")
-        ]
-        if clock.runs_wrong:
-            percent, error = 100.0 * (clock.scale - 1.0), 100.0 * clock.scale_error
-            lines.append(
-                f"Positions change {abs(percent):.1f} % (±{error:.1f}) {'more' if percent > 0 else 'less'} than the "
-                f"velocities say: the clock runs {'slow' if percent > 0 else 'fast'} by as much, "
-                "or the velocity is wrong."
-            )
-        lines.append(f"In flight for about {self.flight_s:.0f} s; thrust from {self.thrust_source or 'nothing'}.")
         sources: dict[str, list[str]] = {}
         for channel in self.channels:
             if channel.source:
                 sources.setdefault(channel.source, []).append(channel.name)
-        lines += [f"From {source}: {', '.join(names)}." for source, names in sources.items()]
-        lines += [f"Note: {note}." for note in self.notes]
-        if self.can_be_analysed:
-            return [*lines, "Can be analysed."]
-        return [*lines, "Cannot be analysed:", *(f"  - {obstacle}" for obstacle in self.obstacles)]
+        facts = {
+            "row_interval_ms": 1000.0 * self.clock.row_interval_s,
+            "row_jitter_ms": 1000.0 * self.clock.row_jitter_s,
+            "longest_ms": 1000.0 * self.clock.longest_row_interval_s,
+            "is_counted": self.clock.is_counted,
+            "wrong": self.clock.runs_wrong and ("slow" if self.clock.scale > 1.0 else "fast"),
+            "percent": 100.0 * abs(self.clock.scale - 1.0),
+            "error_percent": 100.0 * self.clock.scale_error,
+            "flight_s": self.flight_s,
+            "thrust_source": self.thrust_source,
+        }
+        words = Words()
+        first = [line for template in LINES if (line := words.say(template, facts))]
+        each = [words.say(SOURCE, {"source": source, "channels": names}) for source, names in sources.items()]
+        each += [words.say(NOTE, {"note": note}) for note in self.notes]
+        last = [CAN_BE] if self.can_be_analysed else [CANNOT_BE, *(f"  - {obstacle}" for obstacle in self.obstacles)]
+        return [*first, *each, *last]
 
 
 def quality(log: FlightLog) -> QualityReport:

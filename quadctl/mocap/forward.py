@@ -23,10 +23,12 @@ from quadctl.flight.autopilot.telemetry import Telemetry
 from quadctl.frames import euler_from_quaternion
 from quadctl.mocap.agreement import Motion, tilt_problem, yaw_problem
 from quadctl.mocap.axes import FRAMES, to_ned
+from quadctl.mocap.findings import Kind
 from quadctl.mocap.gate import Gate, Pose
 from quadctl.mocap.sources import Source
 from quadctl.mocap.statistics import Flow
 from quadctl.state import NAN, Quat, Vec3, VehicleState
+from quadctl.words import Fact
 
 STREAMS = {"ATTITUDE_QUATERNION": (31, 20.0), "LOCAL_POSITION_NED": (32, 10.0)}
 """Messages that are compared with the poses: id and rate, Hz."""
@@ -75,7 +77,7 @@ class Forwarder:
         self, send: Callable[[dict[str, object]], None], state: Callable[[], VehicleState], frame: str, yaw_rad: float
     ) -> None:
         self.flow = Flow()
-        self.problem = ""
+        self.problem: Fact | None = None
         """The axes contradict the autopilot's attitude: nothing is sent as long as this says so."""
         self.agreed = False
         """The tilts have been compared and agree."""
@@ -89,29 +91,29 @@ class Forwarder:
         self._heading_checked = False
         self._heard = True
 
-    def take(self, pose: Pose, now_s: float) -> list[str]:
+    def take(self, pose: Pose, now_s: float) -> list[Fact]:
         """One pose: send it or withhold it. Gives warnings, nearly always none."""
         objection = self._gate.objection(pose, now_s)
-        if objection:
+        if objection is not None:
             self.flow.withheld[objection] += 1
             return []
         position, attitude = to_ned(pose.position, pose.quaternion, FRAMES[self._frame], self._yaw_rad)
         warnings = self._compared(pose, position, attitude)
         if self.problem:
-            self.flow.withheld["against the autopilot's attitude"] += 1
+            self.flow.withheld[Kind.OTHER_AXES] += 1
         elif self._sent(pose, position, attitude):
             self.flow.add(now_s, self._gate.age_s(pose, now_s))
         else:
-            self.flow.withheld["with the link down"] += 1
-        return [warning for warning in warnings if warning]
+            self.flow.withheld[Kind.LINK_DOWN] += 1
+        return [warning for warning in warnings if warning is not None]
 
-    def _compared(self, pose: Pose, position: Vec3, attitude: Quat) -> list[str]:
-        """Differences between the autopilot's estimate and the pose, in words; some of the texts are empty."""
+    def _compared(self, pose: Pose, position: Vec3, attitude: Quat) -> list[Fact | None]:
+        """Differences between the autopilot's estimate and the pose."""
         state = self._state()
-        warnings = []
+        warnings: list[Fact | None] = []
         if state.connected != self._heard:
             self._heard = state.connected
-            warnings.append("the autopilot is heard again" if self._heard else "the autopilot has gone silent")
+            warnings.append(Fact(Kind.HEARD_AGAIN if self._heard else Kind.SILENT))
         if state.age_s("attitude") < ATTITUDE_AGE_S and all(map(math.isfinite, state.attitude)):
             self._judge_tilt(tilt_problem(pose.quaternion, self._frame, state.attitude), pose.received_s)
             if not self._heading_checked:
@@ -133,9 +135,9 @@ class Forwarder:
             return False
         return True
 
-    def _judge_tilt(self, problem: str, now_s: float) -> None:
-        if not problem:
-            self.agreed, self._agreed_s, self.problem = True, now_s, ""
+    def _judge_tilt(self, problem: Fact | None, now_s: float) -> None:
+        if problem is None:
+            self.agreed, self._agreed_s, self.problem = True, now_s, None
         elif not self.agreed or now_s - self._agreed_s > DISAGREE_S:
             self.problem = problem
 
@@ -174,7 +176,7 @@ def forward(
         with console.status("waiting for the autopilot"):
             asyncio.run(_open(link, telemetry))
             said = _give_origin(link, origin, told)
-        console.print(said, soft_wrap=True, markup=False, highlight=False)
+        console.print(str(said), soft_wrap=True, markup=False, highlight=False)
         forwarder = Forwarder(
             partial(link.send, "VISION_POSITION_ESTIMATE"),
             lambda: telemetry.state(time.monotonic()),
@@ -198,21 +200,18 @@ async def _open(link: MavsdkLink, telemetry: Telemetry) -> None:
         await asyncio.sleep(0.02)
 
 
-def _give_origin(link: MavsdkLink, origin: Origin | None, told: threading.Event) -> str:
-    """Give the autopilot's frame a place on the globe, if it has none; the sentence that says what was done."""
+def _give_origin(link: MavsdkLink, origin: Origin | None, told: threading.Event) -> Fact:
+    """Give the autopilot's frame a place on the globe, if it has none; return what was done."""
     if _has_origin(link, told):
-        return "the autopilot has an origin already"
+        return Fact(Kind.HAS_ORIGIN)
     if origin is None:
-        return (
-            "warning: the autopilot tells no origin of its frame on the globe, without which PX4 does not get ready in "
-            "hold, and ArduPilot does not use the poses: --origin LATITUDE,LONGITUDE,ALTITUDE gives it one"
-        )
+        return Fact(Kind.NO_ORIGIN)
     for _ in range(ORIGIN_TRIES):
         with suppress(LinkError):
             link.send("SET_GPS_GLOBAL_ORIGIN", origin.fields(link.system_id))
         if _has_origin(link, told):
-            return "the autopilot has taken the origin"
-    return "warning: the autopilot was sent the origin and does not tell it"
+            return Fact(Kind.TOOK_ORIGIN)
+    return Fact(Kind.ORIGIN_UNTOLD)
 
 
 def _has_origin(link: MavsdkLink, told: threading.Event) -> bool:
@@ -263,7 +262,7 @@ def _check_beginning(forwarder: Forwarder, source: Source, waited_s: float, sinc
     if forwarder.problem and since_first_s > DISAGREE_S:
         raise FlightError(f"Nothing is forwarded: {forwarder.problem}.")
     if waited_s > FIRST_POSE_S:
-        withheld = ", ".join(f"{count} {reason}" for reason, count in forwarder.flow.withheld.items())
+        withheld = forwarder.flow.withheld_in_words()
         others = ", ".join(sorted(source.others)[:5]) or "nothing at all"
         seen = f"what came was withheld: {withheld}" if withheld else f"seen: {others}"
         raise LinkError(f"No pose that may pass came within {FIRST_POSE_S:g} s ({seen}): check --body and --source.")

@@ -4,6 +4,7 @@ import math
 from collections import deque
 from typing import NamedTuple
 
+from quadctl.mocap.findings import Kind
 from quadctl.state import NAN, Quat, Vec3
 
 UNIT_TOLERANCE = 0.01
@@ -69,21 +70,21 @@ class Gate:
         late_s = self._clock.late_s(pose.sent_s, pose.received_s) if math.isfinite(pose.sent_s) else 0.0
         return now_s - pose.received_s + late_s
 
-    def objection(self, pose: Pose, now_s: float) -> str:
-        """Why the pose must not pass, empty when it may."""
+    def objection(self, pose: Pose, now_s: float) -> Kind | None:
+        """Reason why the pose must not pass; None where it may."""
         if not all(map(math.isfinite, (*pose.position, *pose.quaternion))):
-            return "not a number"
+            return Kind.NOT_FINITE
         if abs(math.hypot(*pose.quaternion) - 1.0) > UNIT_TOLERANCE:
-            return "the quaternion is not of length 1"
+            return Kind.NO_ATTITUDE
         if self.age_s(pose, now_s) > STALE_S:
-            return "stale"
+            return Kind.STALE
         what = (pose.position, pose.quaternion)
         if what == self._seen:
-            return "frozen" if pose.received_s - self._changed_s > FROZEN_S else "repeated"
+            return Kind.FROZEN if pose.received_s - self._changed_s > FROZEN_S else Kind.REPEATED
         self._seen, self._changed_s = what, pose.received_s
         if self._passed is not None:
             elapsed_s = max(pose.received_s - self._passed.received_s, 0.001)
             if math.dist(pose.position, self._passed.position) > FASTEST_M_S * max(elapsed_s, 0.01):
-                return "jumped"
+                return Kind.JUMPED
         self._passed = pose
-        return ""
+        return None

@@ -4,10 +4,20 @@ import math
 import statistics
 from collections import Counter, deque
 
+from quadctl.mocap.findings import Kind
+from quadctl.words import Template, When, Words
+
 GAP_S = 0.1
 """A longer silence between two poses sent is a dropout: five of them are missing at 50 Hz."""
 WINDOW = 200
 """Poses for the figures that are shown while it runs."""
+LINE: Template = (
+    "{rate_hz:.0f} Hz, age when sent {p50_ms:.1f} ms (p99 {p99_ms:.1f}), jitter {jitter_ms:.1f} ms, "
+    "{dropouts} dropouts",
+    When("dropouts", ", the longest {longest_gap_s:.2f} s"),
+    When("withheld", ", withheld: {withheld}"),
+)
+NO_RATE = "{} poses sent"
 
 
 class Flow:
@@ -17,7 +27,7 @@ class Flow:
         self.sent = 0
         self.dropouts = 0
         self.longest_gap_s = 0.0
-        self.withheld: Counter[str] = Counter()
+        self.withheld: Counter[Kind] = Counter()
         self._first_s = self._last_s = math.nan
         self._ages: deque[float] = deque(maxlen=100_000)
         self._intervals: deque[float] = deque(maxlen=100_000)
@@ -38,21 +48,28 @@ class Flow:
     def line(self, window: int | None = WINDOW) -> str:
         """The latest figures; with None those of the whole run."""
         if not self._intervals:
-            return f"{self.sent} poses sent"
+            return NO_RATE.format(self.sent)
         ages, intervals = list(self._ages), list(self._intervals)
         if window is not None:
             ages, intervals = ages[-window:], intervals[-window:]
         ages.sort()
         p50, p99 = (1e3 * ages[min(int(share * len(ages)), len(ages) - 1)] for share in (0.5, 0.99))
-        text = (
-            f"{self.rate_hz(window):.0f} Hz, age when sent {p50:.1f} ms (p99 {p99:.1f}), "
-            f"jitter {1e3 * statistics.pstdev(intervals):.1f} ms, {self.dropouts} dropouts"
+        return Words().say(
+            LINE,
+            {
+                "rate_hz": self.rate_hz(window),
+                "p50_ms": p50,
+                "p99_ms": p99,
+                "jitter_ms": 1e3 * statistics.pstdev(intervals),
+                "dropouts": self.dropouts,
+                "longest_gap_s": self.longest_gap_s,
+                "withheld": self.withheld_in_words(),
+            },
         )
-        if self.dropouts:
-            text += f", the longest {self.longest_gap_s:.2f} s"
-        if self.withheld:
-            text += ", withheld: " + ", ".join(f"{count} {reason}" for reason, count in self.withheld.most_common())
-        return text
+
+    def withheld_in_words(self) -> str:
+        """Number of poses withheld for each reason, the most frequent first."""
+        return ", ".join(f"{count} {kind.said({})}" for kind, count in self.withheld.most_common())
 
     def rate_hz(self, window: int | None = WINDOW) -> float:
         """Rate of the poses sent; 0 before the second."""

@@ -3,6 +3,7 @@
 import math
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
+from enum import unique
 from typing import Any
 
 from quadctl.thrust_stand.curves import (
@@ -15,9 +16,48 @@ from quadctl.thrust_stand.curves import (
 )
 from quadctl.thrust_stand.measurement import Point, check_points
 from quadctl.vehicle import Vehicle
+from quadctl.words import Fact, Facts, Kinds, When, Words, fact
 
 SAG = 0.03
 """Share of the voltage; thrust at a throttle goes about with its square."""
+
+
+@unique
+class Kind(Kinds):
+    """Kinds of findings, each with the template of its words."""
+
+    NO_SPEEDS = "No rotor speeds: rotor.thrust_n_per_rpm2 is not fitted and stays as it is."
+    COEFFICIENT = (
+        "T = k rpm^2: k = {k:estimate} N/rpm^2, vehicle file {was:.4g} ({change:+.1%}); {rms_n:.3g} N rms left"
+    )
+    NOT_TESTED = "Whether one k is enough cannot be tested with fewer than four points."
+    ENOUGH = "One k is enough: {best:law} would change {best.worst_n:.2g} N at most ({best:test})."
+    NOT_ENOUGH = (
+        "One k is not enough: {better:law} fits better ({better:test}); k alone is off by up to {better.worst_n:.2g} N "
+        "({share:.0%} of the greatest), at {better.at_rpm:.0f} rpm."
+    )
+    SCALE_OFF = "An offset is a scale that was not at zero, or a mount that carries load: measure again."
+    POWER = (
+        "The vehicle file gets k = {better.k_hover:.4g}, right in hover; a model that holds elsewhere adds "
+        "thrust_curve.power with exponent {better.parameter.value:.2f}."
+    )
+    LINE = (
+        "throttle = offset + per_newton * total thrust: offset = {line.offset:estimate} (vehicle file "
+        "{was.offset:.4g}), per_newton = {line.per_newton:estimate} (vehicle file {was.per_newton:.4g})"
+    )
+    POINTS = (
+        "from {line.n_points} points at throttle {line.from_throttle:.2f} to {line.to_throttle:.2f}, the worst "
+        "{line.worst:.3f} off the line; hover at {hover:.3f}"
+    )
+    GREATEST = (
+        "greatest thrust of a rotor: {newtons:.3g} N (",
+        When("measured", "measured", "of the line, full throttle was not measured"),
+        ")",
+    )
+    SAG = "The voltage went from {from_v:.2f} to {to_v:.2f} V: the throttle line holds for a battery that sags alike."
+
+    def said(self, facts: Facts) -> str:
+        return _WORDS.say(self.value, facts)
 
 
 @dataclass(frozen=True)
@@ -57,64 +97,38 @@ class StandResult:
             "vehicle": {".".join(keys): value for keys, value in self.vehicle_values().items()},
         }
 
-    def lines(self) -> list[str]:
-        """For the terminal."""
-        return [*self._thrust_lines(), *self._throttle_lines(), *self._voltage_lines()]
+    def findings(self) -> list[Fact]:
+        """Findings in the order in which they are told."""
+        return [*self._thrust(), *self._throttle(), *self._voltage()]
 
-    def _thrust_lines(self) -> list[str]:
+    def _thrust(self) -> list[Fact]:
         curve = self.thrust
         if curve is None:
-            return ["No rotor speeds: rotor.thrust_n_per_rpm2 is not fitted and stays as it is."]
+            return [Fact(Kind.NO_SPEEDS)]
         was = self.vehicle.rotor.thrust_n_per_rpm2
-        lines = [
-            f"T = k rpm^2: k = {_with_interval(curve.k)} N/rpm^2, vehicle file {was:.4g} "
-            f"({curve.k.value / was - 1.0:+.1%}); {curve.rms_n:.3g} N rms left"
-        ]
+        found = [fact(Kind.COEFFICIENT, k=curve.k, was=was, change=curve.k.value / was - 1.0, rms_n=curve.rms_n)]
         if not curve.alternatives:
-            return [*lines, "Whether one k is enough cannot be tested with fewer than four points."]
+            return [*found, Fact(Kind.NOT_TESTED)]
         if curve.better is None:
-            best = curve.alternatives[0]
-            return [*lines, f"One k is enough: {_law(best)} would change {best.worst_n:.2g} N at most ({_test(best)})."]
-        return [*lines, *self._not_enough(curve, curve.better)]
+            return [*found, fact(Kind.ENOUGH, best=curve.alternatives[0])]
+        better = curve.better
+        advice = Fact(Kind.SCALE_OFF) if better.law == "offset" else fact(Kind.POWER, better=better)
+        return [*found, fact(Kind.NOT_ENOUGH, better=better, share=better.worst_n / curve.greatest_n), advice]
 
-    def _not_enough(self, curve: ThrustCurve, better: Alternative) -> list[str]:
-        share = better.worst_n / curve.greatest_n
-        off = (
-            f"k alone is off by up to {better.worst_n:.2g} N ({share:.0%} of the greatest), at {better.at_rpm:.0f} rpm"
-        )
-        first = f"One k is not enough: {_law(better)} fits better ({_test(better)}); {off}."
-        if better.law == "offset":
-            return [first, "An offset is a scale that was not at zero, or a mount that carries load: measure again."]
-        advice = (
-            f"The vehicle file gets k = {better.k_hover:.4g}, right in hover; a model that holds elsewhere adds "
-            f"thrust_curve.power with exponent {better.parameter.value:.2f}."
-        )
-        return [first, advice]
-
-    def _throttle_lines(self) -> list[str]:
-        line, curve = self.throttle, self.vehicle.throttle
-        lines = [
-            "throttle = offset + per_newton * total thrust: "
-            f"offset = {_with_interval(line.offset)} (vehicle file {curve.offset:.4g}), "
-            f"per_newton = {_with_interval(line.per_newton)} (vehicle file {curve.per_newton:.4g})",
-            f"from {line.n_points} points at throttle {line.from_throttle:.2f} to {line.to_throttle:.2f}, the worst "
-            f"{line.worst:.3f} off the line; hover at {self._hover():.3f}",
+    def _throttle(self) -> list[Fact]:
+        line = self.throttle
+        hover = line.offset.value + line.per_newton.value * self.vehicle.weight_n
+        return [
+            fact(Kind.LINE, line=line, was=self.vehicle.throttle),
+            fact(Kind.POINTS, line=line, hover=hover),
+            fact(Kind.GREATEST, newtons=line.max_thrust_per_rotor_n, measured=line.reached_full),
         ]
-        how = "measured" if line.reached_full else "of the line, full throttle was not measured"
-        lines.append(f"greatest thrust of a rotor: {line.max_thrust_per_rotor_n:.3g} N ({how})")
-        return lines
 
-    def _hover(self) -> float:
-        return self.throttle.offset.value + self.throttle.per_newton.value * self.vehicle.weight_n
-
-    def _voltage_lines(self) -> list[str]:
+    def _voltage(self) -> list[Fact]:
         volts = [point.voltage_v for point in self.points if math.isfinite(point.voltage_v)]
         if not volts or min(volts) > (1.0 - SAG) * max(volts):
             return []
-        return [
-            f"The voltage went from {max(volts):.2f} to {min(volts):.2f} V: the throttle line holds for a battery "
-            "that sags alike."
-        ]
+        return [fact(Kind.SAG, from_v=max(volts), to_v=min(volts))]
 
 
 def evaluate(points: Sequence[Point], vehicle: Vehicle, source: str) -> StandResult:
@@ -152,3 +166,6 @@ def _law(alternative: Alternative) -> str:
 
 def _test(alternative: Alternative) -> str:
     return f"F(1, {alternative.parameter.freedom}) = {alternative.f_ratio:.3g}, p = {alternative.p_value:.2g}"
+
+
+_WORDS = Words({"estimate": _with_interval, "law": _law, "test": _test})

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Mapping
+from enum import unique
 from typing import NamedTuple
 
 import yaml
@@ -24,6 +25,7 @@ from quadctl.vehicle_draft.frames import (
     px4_places,
     scaled_to,
 )
+from quadctl.words import Fact, Kinds, fact
 
 AIR_DENSITY_KG_M3 = 1.225
 THRUST_COEFFICIENT = 0.011
@@ -31,6 +33,42 @@ THRUST_COEFFICIENT = 0.011
 PX4_HOVER, ARDUPILOT_HOVER, OLDER_HOVER = "MPC_THR_HOVER", "MOT_THST_HOVER", "THR_MID"
 HOVERS = {PX4_HOVER: 1.0, ARDUPILOT_HOVER: 1.0, OLDER_HOVER: 1e-3}
 """Parameters that hold the throttle of hover, with their unit; the last is that of ArduPilot up to Copter 3.3."""
+
+DRAFT = """\
+# Each number says where it comes from; what is assumed is worth measuring.
+name: {name}
+mass_kg: {mass_kg:g}
+# inertia_kg_m2: [0.01, 0.01, 0.02]  # not known: taken from mass and arm length until it is given
+rotor:
+  radius_m: {radius_m:g}
+  thrust_n_per_rpm2: {coefficient:.4g}  # {coefficient_source}
+  torque_to_thrust_m: 0.016  # assumed, as most propellers
+  time_constant_s: 0.04  # assumed; quadctl discover finds a motor lag
+rotors:  # FRD, m; order = motor 1, 2, ...; {places_source}
+{places}
+rotor_height_m: 0.0  # assumed; height of the rotor plane above the logged position
+throttle: {line}  # {line_source}
+assumed: [{assumed}]  # take away what you have measured
+"""
+
+
+@unique
+class Source(Kinds):
+    """Where a number of the draft comes from, each with the template of its words."""
+
+    PLACES_TOLD = "from CA_ROTOR*, where PX4 needs no true distances: measure them"
+    DIRECTIONS_TOLD = "as CA_ROTOR*"
+    GIVEN = "as given"
+    FRAME_TOLD = "frame from {parameter}"
+    ARM_GIVEN = "{frame}, the arm as given"
+    ARM_ASSUMED = "{frame}, the arm assumed, so that the propellers are {apart:g} diameters apart; only moments need it"
+    HOVER_GIVEN = "hover throttle as given"
+    HOVER_TOLD = "hover throttle from {parameter}"
+    ARDUPILOTS_LINE = "{hover}; ArduPilot makes thrust proportional to throttle (MOT_THST_EXPO)"
+    PX4S_LINE = "{hover}; PX4 makes thrust proportional to throttle (THR_MDL_FAC)"
+    SQUARE = "{hover}; thrust taken as throttle²"
+    HOVER_SPEED = "from {rpm:g} rpm in hover"
+    COEFFICIENT_ASSUMED = "assumed, C_T = {coefficient:g}; only rotor speeds need it"
 
 
 class Answers(NamedTuple):
@@ -158,24 +196,17 @@ def draft(answers: Answers, parameters: Mapping[str, float]) -> str:
     places, places_source = _places(answers, parameters, diameter_m)
     line, line_source = _throttle(answers, parameters, mass_kg * GRAVITY_M_S2, len(places))
     coefficient, coefficient_source = _coefficient(answers, 0.5 * diameter_m, mass_kg, len(places))
-    text = "\n".join(
-        [
-            "# Each number says where it comes from; what is assumed is worth measuring.",
-            f"name: {answers.name}",
-            f"mass_kg: {mass_kg:g}",
-            "# inertia_kg_m2: [0.01, 0.01, 0.02]  # not known: taken from mass and arm length until it is given",
-            "rotor:",
-            f"  radius_m: {0.5 * diameter_m:g}",
-            f"  thrust_n_per_rpm2: {coefficient:.4g}  # {coefficient_source}",
-            "  torque_to_thrust_m: 0.016  # assumed, as most propellers",
-            "  time_constant_s: 0.04  # assumed; quadctl discover finds a motor lag",
-            f"rotors:  # FRD, m; order = motor 1, 2, ...; {places_source}",
-            *(f"  - {_place(place)}" for place in places),
-            "rotor_height_m: 0.0  # assumed; height of the rotor plane above the logged position",
-            f"throttle: {line}  # {line_source}",
-            f"assumed: [{', '.join(_assumed(answers, parameters))}]  # take away what you have measured",
-            "",
-        ]
+    text = DRAFT.format(
+        name=answers.name,
+        mass_kg=mass_kg,
+        radius_m=0.5 * diameter_m,
+        coefficient=coefficient,
+        coefficient_source=coefficient_source,
+        places="\n".join(f"  - {_place(place)}" for place in places),
+        places_source=places_source,
+        line=line,
+        line_source=line_source,
+        assumed=", ".join(_assumed(answers, parameters)),
     )
     validate(yaml.safe_load(text), Vehicle, "the new vehicle")
     return text
@@ -210,22 +241,23 @@ def _positive(value: float | None, field: str) -> float:
     return value
 
 
-def _places(answers: Answers, parameters: Mapping[str, float], propeller_m: float) -> tuple[tuple[Place, ...], str]:
+def _places(answers: Answers, parameters: Mapping[str, float], propeller_m: float) -> tuple[tuple[Place, ...], Fact]:
     """Places of the rotors and their source."""
     known = _told_beside(answers, parameters)
     if answers.frame is None and known.places is not None:
         if answers.arm_m is None and not are_relative(known.places):
-            return known.places, "from CA_ROTOR*, where PX4 needs no true distances: measure them"
-        places, source = known.places, "as CA_ROTOR*"
+            return known.places, Fact(Source.PLACES_TOLD)
+        places, source = known.places, Fact(Source.DIRECTIONS_TOLD)
     else:
         frame = answers.frame or known.frame
         if frame is None:
             raise SettingsError("the vehicle's frame is not known: say it")
-        places, source = frame_places(frame, 1.0), "as given" if answers.frame else f"frame from {known.frame_source}"
+        told_by = fact(Source.FRAME_TOLD, parameter=known.frame_source)
+        places, source = frame_places(frame, 1.0), Fact(Source.GIVEN) if answers.frame else told_by
     if answers.arm_m is not None:
-        return scaled_to(places, _positive(answers.arm_m, "arm_m")), f"{source}, the arm as given"
-    assumed = f"the arm assumed, so that the propellers are {APART:g} diameters apart; only moments need it"
-    return scaled_to(places, assumed_arm_m(places, propeller_m)), f"{source}, {assumed}"
+        return scaled_to(places, _positive(answers.arm_m, "arm_m")), fact(Source.ARM_GIVEN, frame=source)
+    assumed = fact(Source.ARM_ASSUMED, frame=source, apart=APART)
+    return scaled_to(places, assumed_arm_m(places, propeller_m)), assumed
 
 
 def _place(place: Place) -> str:
@@ -236,33 +268,33 @@ def _place(place: Place) -> str:
     return f"{{position_m: [{x:g}, {y:g}, {z:g}], spin: {place.spin}{tilt}}}"
 
 
-def _throttle(answers: Answers, parameters: Mapping[str, float], weight_n: float, rotors: int) -> tuple[str, str]:
+def _throttle(answers: Answers, parameters: Mapping[str, float], weight_n: float, rotors: int) -> tuple[str, Fact]:
     """The throttle line and its source.
 
     Where the autopilot makes thrust proportional to throttle, the line goes through zero. Where nobody does, thrust
     grows about as the square of the throttle, and the line is the tangent to T = W (u / u_hover)² in hover.
     """
     known = _told_beside(answers, parameters)
-    hover, source = answers.hover_throttle, "hover throttle as given"
+    hover, source = answers.hover_throttle, Fact(Source.HOVER_GIVEN)
     if hover is None:
-        hover, source = known.hover_throttle, f"hover throttle from {known.hover_source}"
+        hover, source = known.hover_throttle, fact(Source.HOVER_TOLD, parameter=known.hover_source)
     hover = _positive(hover, "hover_throttle")
     if hover >= 1.0:
         raise SettingsError(f"the vehicle's hover_throttle is {hover:g}, expected less than 1 ({source})")
     proportional = _is_proportional(parameters)
     if ARDUPILOT_HOVER in parameters or OLDER_HOVER in parameters:
-        why = "ArduPilot makes thrust proportional to throttle (MOT_THST_EXPO)"
+        kind = Source.ARDUPILOTS_LINE
     else:
-        why = "PX4 makes thrust proportional to throttle (THR_MDL_FAC)" if proportional else "thrust taken as throttle²"
+        kind = Source.PX4S_LINE if proportional else Source.SQUARE
     per_newton, offset = (hover / weight_n, 0.0) if proportional else (0.5 * hover / weight_n, 0.5 * hover)
     most_n = (1.0 - offset) / per_newton / rotors
     numbers = f"{{per_newton: {per_newton:.4g}, offset: {offset:.4g}, max_thrust_per_rotor_n: {most_n:.4g}}}"
-    return numbers, f"{source}; {why}"
+    return numbers, fact(kind, hover=source)
 
 
-def _coefficient(answers: Answers, radius_m: float, mass_kg: float, rotors: int) -> tuple[float, str]:
+def _coefficient(answers: Answers, radius_m: float, mass_kg: float, rotors: int) -> tuple[float, Fact]:
     if answers.hover_rpm is not None:
         rpm = _positive(answers.hover_rpm, "hover_rpm")
-        return mass_kg * GRAVITY_M_S2 / rotors / rpm**2, f"from {rpm:g} rpm in hover"
+        return mass_kg * GRAVITY_M_S2 / rotors / rpm**2, fact(Source.HOVER_SPEED, rpm=rpm)
     per_coefficient = AIR_DENSITY_KG_M3 * math.pi * radius_m**4 * (math.pi / 30.0) ** 2
-    return THRUST_COEFFICIENT * per_coefficient, f"assumed, C_T = {THRUST_COEFFICIENT:g}; only rotor speeds need it"
+    return THRUST_COEFFICIENT * per_coefficient, fact(Source.COEFFICIENT_ASSUMED, coefficient=THRUST_COEFFICIENT)

@@ -228,7 +228,7 @@ class Scene:
         if seen.setpoints:
             seen.last_setpoint_s = received[-1].received_s - self.began_s
         limits = GuardLimits()
-        seen.unfit = [problem for s in received if (problem := unfit(s.target, limits, 0.9))]
+        seen.unfit = [str(problem) for s in received if (problem := unfit(s.target, limits, 0.9))]
         self._read_log(seen, len(received))
         return seen
 

@@ -10,7 +10,9 @@ from hypothesis import strategies as st
 from quadctl.frames import euler_from_quaternion, quaternion_from_euler, rotate
 from quadctl.mocap.agreement import Motion, tilt_problem, yaw_problem
 from quadctl.mocap.axes import FRAMES, to_ned
+from quadctl.mocap.findings import Kind
 from quadctl.state import Quat, Vec3
+from quadctl.words import Fact, fact
 
 SAME: Quat = (1.0, 0.0, 0.0, 0.0)
 H = math.sqrt(0.5)
@@ -90,33 +92,41 @@ def test_the_yaw_option_turns_place_and_heading() -> None:
     assert euler_from_quaternion(attitude) == pytest.approx((0.0, 0.0, math.radians(90.0)))
 
 
+def tilted_off(told: Fact | None) -> tuple[int, str | None]:
+    """Angle, degrees, between the verticals, and the frame that would fit."""
+    assert told is not None
+    assert told.kind is Kind.TILTED
+    return round(told.facts["off_deg"]), told.facts["best"]
+
+
 def test_swapped_axes_are_named_with_the_frame_that_would_fit() -> None:
     tilted = quaternion_from_euler(math.radians(5.0), 0.0, 2.0)
-    assert tilt_problem(as_measured("nwu", ((1, 0, 0), (0, 1, 0), (0, 0, 1))), "nwu", tilted) == ""
+    assert tilt_problem(as_measured("nwu", ((1, 0, 0), (0, 1, 0), (0, 0, 1))), "nwu", tilted) is None
     level_y_up = (H, H, 0.0, 0.0)  # z-up axes turned so that y is up: what nwu reads as a vehicle on its side
-    assert "tilted 90 deg away" in tilt_problem(level_y_up, "nwu", SAME)
+    assert tilted_off(tilt_problem(level_y_up, "nwu", SAME)) == (90, None)
     upside_down = as_measured("ned", ((1, 0, 0), (0, -1, 0), (0, 0, -1)))
-    assert "tilted 180 deg away" in tilt_problem(upside_down, "ned", SAME)
+    assert tilted_off(tilt_problem(upside_down, "ned", SAME)) == (180, None)
 
 
 def test_a_rolled_vehicle_tells_swapped_body_axes() -> None:
     rolled, pitched = quaternion_from_euler(0.5, 0.0, 0.0), quaternion_from_euler(0.0, 0.5, 0.0)
-    assert tilt_problem(rolled, "ned", rolled) == ""
-    assert "define the rigid body anew" in tilt_problem(pitched, "ned", rolled)
+    assert tilt_problem(rolled, "ned", rolled) is None
+    assert tilted_off(tilt_problem(pitched, "ned", rolled)) == (pytest.approx(40, abs=5), None)
 
 
 def test_a_heading_that_is_far_off_is_told_with_the_option_that_mends_it() -> None:
     ours, theirs = quaternion_from_euler(0.0, 0.0, 3.0), quaternion_from_euler(0.0, 0.0, -1.5)
-    assert yaw_problem(ours, quaternion_from_euler(0.0, 0.0, -3.0)) == ""
-    problem = yaw_problem(ours, theirs)
-    assert f"--yaw {math.degrees(-4.5 + 2 * math.pi):.0f}" in problem
+    assert yaw_problem(ours, quaternion_from_euler(0.0, 0.0, -3.0)) is None
+    off_deg = math.degrees(-4.5 + 2 * math.pi)
+    assert yaw_problem(ours, theirs) == fact(Kind.HEADING_OFF, off_deg=pytest.approx(off_deg))
 
 
 def test_motion_in_another_direction_than_the_autopilots_is_told_once_per_half_metre() -> None:
     motion = Motion()
     origin = (0.0, 0.0, 0.0)
-    assert motion.problem(origin, origin) == ""
-    assert motion.problem((0.4, 0.0, 0.0), (0.0, 0.4, 0.0)) == ""
-    assert "moves north by motion capture and west by the autopilot" in motion.problem((0.6, 0, 0), (0, -0.6, 0))
-    assert motion.problem((0.7, 0, 0), (0, -0.7, 0)) == ""
-    assert motion.problem((1.4, 0, 0), (0.7, -0.5, 0)) == ""
+    assert motion.problem(origin, origin) is None
+    assert motion.problem((0.4, 0.0, 0.0), (0.0, 0.4, 0.0)) is None
+    told = motion.problem((0.6, 0, 0), (0, -0.6, 0))
+    assert told == fact(Kind.MOVES_OTHERWISE, by_poses=(0, False), by_autopilot=(1, True))
+    assert motion.problem((0.7, 0, 0), (0, -0.7, 0)) is None
+    assert motion.problem((1.4, 0, 0), (0.7, -0.5, 0)) is None

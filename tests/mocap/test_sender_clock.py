@@ -4,6 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from quadctl.mocap.findings import Kind
 from quadctl.mocap.gate import STALE_S, WINDOW_S, Gate, Pose, SenderClock
 
 RATE_HZ = 20.0
@@ -66,6 +67,6 @@ def test_poses_pass_the_gate_again_after_the_senders_clock_was_set_back() -> Non
         sent_s = at_s - (0.5 if at_s >= 10.0 else 0.0)
         pose = Pose("raptor", at_s, (0.001 * i, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0), sent_s)
         objections.append(gate.objection(pose, at_s))
-    stale = [i for i, objection in enumerate(objections) if objection == "stale"]
+    stale = [i for i, objection in enumerate(objections) if objection is Kind.STALE]
     assert 0 < len(stale) <= seconds(WINDOW_S) + 1
-    assert set(objections[stale[-1] + 1 :]) == {""}
+    assert set(objections[stale[-1] + 1 :]) == {None}

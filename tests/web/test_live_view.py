@@ -112,7 +112,7 @@ class TestGuards:
         state, where, answer, _ = BEYOND[name]
         breach = verdict(state, **where)
         assert breach is not None
-        after = record._replace(events=(Event(1.0, breach.reason, answer.value, breach.guard or ""),))
+        after = record._replace(events=(Event(1.0, str(breach.reason), answer.value, breach.guard or ""),))
         low = self.BRIEF._replace(mission=self.BRIEF.mission._replace(limits=MISSION.model_copy(update={"min_z_m": 1})))
         marked = [guard.acted(after) for guard in guards(after, low)]
         assert [m for m in marked if m] == ([] if name in self.TOLD_BY_EVENTS_ALONE else [answer.value])

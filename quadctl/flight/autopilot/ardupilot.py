@@ -10,11 +10,12 @@ from quadctl.flight.autopilot.firmware import (
     Renamed,
     Requirement,
     Stream,
+    above_ceiling,
     hover_throttle_check,
     rotor_count_check,
 )
 from quadctl.thrust_chain.ardupilot import CHAIN
-from quadctl.vehicle import Vehicle
+from quadctl.words import When
 
 THRUST_AS_THRUST = 8
 """Bit 3 of GUID_OPTIONS: the thrust of a target is a thrust, not a climb rate."""
@@ -24,8 +25,14 @@ HEARTBEATS_LOST_S = 3.0
 """Longest silence after which the ground-station failsafe should act: quadctl's heartbeats come every second."""
 LAND_WITHOUT_STATION = 5
 """FS_GCS_ENABLE: Land."""
-LOST_STATION = {1: "RTL", 3: "SmartRTL or RTL", 4: "SmartRTL or Land", 5: "Land", 6: "the mission's landing or RTL",
-                7: "Brake or Land"}  # fmt: skip
+LOST_STATION = {
+    1: "then it goes to RTL",
+    3: "then it goes to SmartRTL or RTL",
+    4: "then it goes to SmartRTL or Land",
+    5: "then it goes to Land",
+    6: "then it goes to the mission's landing or RTL",
+    7: "then it goes to Brake or Land",
+}
 """FS_GCS_ENABLE: the action when the heartbeats of SYSID_MYGCS stop. All of them end on the ground."""
 LOST_REMOTE = {0: "it does nothing", 1: "it goes to RTL", 2: "it goes to RTL, or on with its mission",
                3: "it goes to Land", 4: "it goes to SmartRTL or RTL", 5: "it goes to SmartRTL or Land",
@@ -35,47 +42,6 @@ LOST_ESTIMATE = {0: "it only says so", 1: "it lands", 2: "it goes to AltHold", 3
 """FS_EKF_ACTION: the action when the estimator's variances are too large."""
 ROTORS = {1: 4, 2: 6, 3: 8, 4: 8, 5: 6, 7: 3, 12: 12, 14: 10}
 """FRAME_CLASS: number of rotors of the frame, where the class has one."""
-
-
-def _without_station(value: float) -> str:
-    action = LOST_STATION.get(round(value))
-    return (
-        f"after quadctl has died it goes on ({value:g})" if action is None else f"then it goes to {action} ({value:g})"
-    )
-
-
-def _landing_without_station(value: float) -> float:
-    return value if round(value) in LOST_STATION else float(LAND_WITHOUT_STATION)
-
-
-def _without_remote(value: float, vehicle: Vehicle) -> str:
-    action = LOST_REMOTE.get(round(value), "it does something unknown")
-    return f"FS_THR_ENABLE: when the remote control is lost {action} ({value:g})"
-
-
-def _poor_without_remote(value: float, vehicle: Vehicle) -> str | None:
-    return None if round(value) in LOST_REMOTE and value else "expected 3 (Land)"
-
-
-def _without_estimate(value: float, vehicle: Vehicle) -> str:
-    action = LOST_ESTIMATE.get(round(value), "it does something unknown")
-    return f"FS_EKF_ACTION: when the estimate is lost {action} ({value:g})"
-
-
-def _poor_without_estimate(value: float, vehicle: Vehicle) -> str | None:
-    return None if round(value) in (1, 3) else "expected 1 (Land)"
-
-
-def _return_height(centimetres: float, vehicle: Vehicle) -> str:
-    if centimetres == 0.0:
-        return "RTL_ALT: a return keeps its height"
-    return f"RTL_ALT: a return climbs to {0.01 * centimetres:g} m first"
-
-
-def _return_too_high(centimetres: float, vehicle: Vehicle) -> str | None:
-    if vehicle.ceiling_m is None or 0.01 * centimetres < vehicle.ceiling_m:
-        return None
-    return f"there is a ceiling at {vehicle.ceiling_m:g} m; expected failsafes that land, or 0 (keep the height)"
 
 
 def _requirements(own_system_id: int) -> tuple[Requirement, ...]:
@@ -93,24 +59,25 @@ def _requirements(own_system_id: int) -> tuple[Requirement, ...]:
         ),
         Requirement(
             "FS_GCS_ENABLE",
-            _landing_without_station,
+            lambda value: value if round(value) in LOST_STATION else float(LAND_WITHOUT_STATION),
             "when quadctl dies, ArduPilot stays in GUIDED in the air until somebody lands it",
             failsafe=True,
-            finding=_without_station,
+            finding="{meaning} ({value:g})",
+            meaning=lambda value: LOST_STATION.get(round(value), "after quadctl has died it goes on"),
         ),
         Requirement(
             "SYSID_MYGCS",
             lambda value: float(own_system_id),
             "its ground-station failsafe watches the heartbeats of that system and never notices that quadctl dies",
             failsafe=True,
-            finding=lambda value: f"the ground-station failsafe watches the heartbeats of system {value:g}",
+            finding="the ground-station failsafe watches the heartbeats of system {value:g}",
         ),
         Requirement(
             "FS_GCS_TIMEOUT",
             lambda value: min(value, HEARTBEATS_LOST_S),
             "for so many seconds it holds its height before its failsafe lands it",
             advice=True,
-            finding=lambda value: f"the ground-station failsafe acts {value:g} s after the last heartbeat",
+            finding="the ground-station failsafe acts {value:g} s after the last heartbeat",
         ),
     )
 
@@ -180,9 +147,27 @@ ARDUPILOT = Firmware(
     renamed={"SYSID_MYGCS": Renamed("MAV_GCS_SYSID", (4, 7)), "RTL_ALT": Renamed("RTL_ALT_M", (4, 7), 100.0)},
     requirements=_requirements,
     checks=(
-        Check("FS_THR_ENABLE", _without_remote, _poor_without_remote),
-        Check("FS_EKF_ACTION", _without_estimate, _poor_without_estimate),
-        Check("RTL_ALT", _return_height, _return_too_high),
+        Check(
+            "FS_THR_ENABLE",
+            "when the remote control is lost {meaning} ({value:g})",
+            lambda value, vehicle: not value or round(value) not in LOST_REMOTE,
+            "expected 3 (Land)",
+            LOST_REMOTE,
+        ),
+        Check(
+            "FS_EKF_ACTION",
+            "when the estimate is lost {meaning} ({value:g})",
+            lambda value, vehicle: round(value) not in (1, 3),
+            "expected 1 (Land)",
+            LOST_ESTIMATE,
+        ),
+        Check(
+            "RTL_ALT",
+            When("value", "a return climbs to {meaning:g} m first", "a return keeps its height"),
+            above_ceiling(0.01),
+            "there is a ceiling at {vehicle.ceiling_m:g} m; expected failsafes that land, or 0 (keep the height)",
+            lambda centimetres: 0.01 * centimetres,
+        ),
         hover_throttle_check("MOT_THST_HOVER"),
         rotor_count_check("FRAME_CLASS", lambda value: ROTORS.get(round(value))),
     ),

@@ -5,15 +5,20 @@ A new autopilot is a new file beside px4.py and ardupilot.py, and a line in firm
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import NamedTuple
+from typing import Any, NamedTuple, TypeAlias
 
 from quadctl.thrust_chain.atmosphere import Version
 from quadctl.thrust_chain.chain import PLAIN, ThrustChain
 from quadctl.vehicle import Vehicle
+from quadctl.words import Facts, Template, When, Words
 
 MAX_HOVER_DIFFERENCE = 0.15
 """Largest difference of the hover throttle in the autopilot's parameters from that of the vehicle file; beyond it one
 of them is wrong."""
+UNKNOWN = "it does something unknown"
+Meaning: TypeAlias = Mapping[int, str] | Callable[[float], Any]
+"""Meaning of the values of a parameter; one that a mapping lacks is `UNKNOWN`."""
+_WORDS = Words()
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,15 +49,18 @@ class Requirement:
     """True: recommended only; a flight without it is warned, not refused."""
     failsafe: bool = False
     """True: without it nobody lands the vehicle after quadctl has died; refused unless the user accepts that."""
-    finding: Callable[[float], str] | None = None
-    """Sentence about its value; None: the value alone says it."""
+    finding: Template = ""
+    """Template of its `value` and the `meaning` of that; empty: the value alone says it."""
+    meaning: Meaning | None = None
 
     def met(self, value: float) -> bool:
         return self.to_meet(value) == value
 
     def said(self, value: float) -> str:
         """Parameter and value, in a sentence where there is one."""
-        return f"{self.parameter} = {value:.7g}" if self.finding is None else f"{self.parameter}: {self.finding(value)}"
+        if not self.finding:
+            return f"{self.parameter} = {value:.7g}"
+        return f"{self.parameter}: {_WORDS.say(self.finding, {'value': value, 'meaning': _meant(self.meaning, value)})}"
 
 
 class Renamed(NamedTuple):
@@ -67,15 +75,29 @@ class Renamed(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Check:
-    """A parameter that is judged before a flight, which is warned of what it objects to, or refused."""
+    """A parameter that is judged before a flight, which is warned of a poor value, or refused."""
 
     parameter: str
-    finding: Callable[[float, Vehicle], str]
-    """Sentence about its value."""
-    objection: Callable[[float, Vehicle], str | None]
-    """Reason why the value is poor for this vehicle, or None."""
+    finding: Template
+    """Template of its `value`, the `meaning` of that, and the `vehicle`."""
+    poor: Callable[[float, Vehicle], bool]
+    """Function from value and vehicle: True where the value is poor for this vehicle."""
+    objection: Template
+    """Template of the same about a poor value."""
+    meaning: Meaning | None = None
     refuses: bool = False
     """True: a flight is refused for it."""
+
+    def said(self, value: float, vehicle: Vehicle) -> str:
+        """Sentence about its value."""
+        return f"{self.parameter}: {_WORDS.say(self.finding, self._facts(value, vehicle))}"
+
+    def objected(self, value: float, vehicle: Vehicle) -> str | None:
+        """Reason why the value is poor for this vehicle, or None."""
+        return _WORDS.say(self.objection, self._facts(value, vehicle)) if self.poor(value, vehicle) else None
+
+    def _facts(self, value: float, vehicle: Vehicle) -> Facts:
+        return {"value": value, "meaning": _meant(self.meaning, value), "vehicle": vehicle}
 
 
 @dataclass(frozen=True)
@@ -138,34 +160,38 @@ class Firmware:
         return next(names, self.unknown_mode(custom_mode))
 
 
+def _meant(meaning: Meaning | None, value: float) -> Any:
+    if isinstance(meaning, Mapping):
+        return meaning.get(round(value), UNKNOWN)
+    return None if meaning is None else meaning(value)
+
+
+def above_ceiling(unit_m: float) -> Callable[[float, Vehicle], bool]:
+    """Function that tells whether a height, in units of `unit_m`, reaches the ceiling over a vehicle, if it has one."""
+    return lambda height, vehicle: vehicle.ceiling_m is not None and unit_m * height >= vehicle.ceiling_m
+
+
 def hover_throttle_check(parameter: str) -> Check:
     """Check of the `parameter` that holds the throttle of hover, 0..1, against the vehicle file."""
-
     return Check(
         parameter,
-        lambda theirs, vehicle: (
-            f"{parameter}: hovers at {theirs:.2f}, the vehicle file at {vehicle.hover_throttle:.2f}"
-        ),
-        lambda theirs, vehicle: (
-            "one of them is wrong" if abs(theirs - vehicle.hover_throttle) > MAX_HOVER_DIFFERENCE else None
-        ),
+        "hovers at {value:.2f}, the vehicle file at {vehicle.hover_throttle:.2f}",
+        lambda theirs, vehicle: abs(theirs - vehicle.hover_throttle) > MAX_HOVER_DIFFERENCE,
+        "one of them is wrong",
     )
 
 
 def rotor_count_check(parameter: str, count: Callable[[float], int | None]) -> Check:
     """Check of the `parameter` that says how many rotors the autopilot drives (None: it does not) against the vehicle
     file."""
-
-    def finding(value: float, vehicle: Vehicle) -> str:
-        known = count(value)
-        return f"{parameter} = {value:g}" if known is None else f"{parameter}: {known} rotors ({value:g})"
-
-    def objection(value: float, vehicle: Vehicle) -> str | None:
-        if count(value) in (None, vehicle.n_rotors):
-            return None
-        return f"the vehicle file '{vehicle.name}' has {vehicle.n_rotors}"
-
-    return Check(parameter, finding, objection, refuses=True)
+    return Check(
+        parameter,
+        When("meaning", "{meaning} rotors ({value:g})", "{value:g}, of an unknown number of rotors"),
+        lambda value, vehicle: count(value) not in (None, vehicle.n_rotors),
+        "the vehicle file '{vehicle.name}' has {vehicle.n_rotors}",
+        meaning=count,
+        refuses=True,
+    )
 
 
 def share_of_pulse(value: float) -> float:

@@ -45,6 +45,13 @@ ANSWER_WAIT_S = 0.5
 _URL = re.compile(r"(?:(?:udpin|udpout|tcpin|tcpout)://[^\s/:]+:\d{1,5}|serial://[^\s:]+:\d+)")
 _URL_EXPECTED = "udpin://0.0.0.0:14540, udpout://HOST:PORT, tcpout://HOST:PORT or serial:///dev/ttyAMA0:921600"
 
+ADVICE = {
+    "serial": "the device's name, its permissions and the baud rate ({ports})",
+    "udpin": "that it sends MAVLink to this port (a simulator: 14540) and that no other program holds it",
+    "": "the host, the port and that its MAVLink server is running",
+}
+"""What to check about a silent link, by the beginning of its URL."""
+
 
 class MavsdkLink:
     """The connection to the first autopilot that is heard at `url`."""
@@ -299,9 +306,5 @@ def _checked(url: str) -> str:
 
 def _advice(url: str) -> str:
     """Advice for a link of this kind that stays silent."""
-    if url.startswith("serial"):
-        ports = "; ".join(f"{known.name}: {', '.join(known.serial_parameters)}" for known in FIRMWARES.values())
-        return f"the device's name, its permissions and the baud rate ({ports})"
-    if url.startswith("udpin"):
-        return "that it sends MAVLink to this port (a simulator: 14540) and that no other program holds it"
-    return "the host, the port and that its MAVLink server is running"
+    ports = "; ".join(f"{known.name}: {', '.join(known.serial_parameters)}" for known in FIRMWARES.values())
+    return next(advice for scheme, advice in ADVICE.items() if url.startswith(scheme)).format(ports=ports)

@@ -5,24 +5,31 @@ from quadctl.flight.autopilot.firmware import (
     Firmware,
     Requirement,
     Stream,
+    above_ceiling,
     hover_throttle_check,
     rotor_count_check,
 )
 from quadctl.thrust_chain.px4 import CHAIN
-from quadctl.vehicle import Vehicle
+from quadctl.words import When
 
 MAX_SILENCE_S = 1.0
 """Longest time without setpoints after which the autopilot should act."""
-LOST_OFFBOARD = {0: "Position", 1: "Altitude", 2: "Stabilized", 3: "Return", 4: "Land", 5: "Hold", 6: "Terminate",
-                 7: "Disarm"}  # fmt: skip
-"""COM_OBL_RC_ACT: the mode that it enters when setpoints stop in offboard."""
+LOST_OFFBOARD = {
+    0: "it goes to Position, where a pilot has to fly",
+    1: "it goes to Altitude, where a pilot has to fly",
+    2: "it goes to Stabilized, where a pilot has to fly",
+    3: "it goes to Return",
+    4: "it goes to Land",
+    5: "it goes to Hold",
+    6: "it goes to Terminate",
+    7: "it goes to Disarm",
+}
+"""COM_OBL_RC_ACT: the mode that it enters when setpoints stop in offboard. Without a remote control PX4 returns instead
+of a mode that a pilot flies: RTL was measured 1.0 s after the last setpoint."""
 UNAIDED_US = 1e6
 """Longest time, us, for which the estimator should trust itself without GPS or motion capture: after 1 s the vehicle
 was measured 0.28 m off, after the default of 5 s 1.1 and 2.3 m."""
 LAND = 4
-PILOTED = (0, 1, 2)
-"""Modes of COM_OBL_RC_ACT that a pilot flies. Without a remote control PX4 returns instead: RTL was measured 1.0 s
-after the last setpoint."""
 LANDING = (3, LAND)
 """Modes of COM_OBL_RC_ACT that bring the vehicle down in control by themselves."""
 
@@ -68,87 +75,6 @@ def _main_and_sub(custom_mode: int) -> tuple[int, int]:
     return custom_mode >> 16 & 0xFF, custom_mode >> 24 & 0xFF
 
 
-def _silence(seconds: float, vehicle: Vehicle) -> str:
-    return f"COM_OF_LOSS_T: acts {seconds:g} s after the last setpoint"
-
-
-def _too_patient(seconds: float, vehicle: Vehicle) -> str | None:
-    return f"expected at most {MAX_SILENCE_S:g} s" if seconds > MAX_SILENCE_S else None
-
-
-def _without_setpoints(value: float) -> str:
-    action = round(value)
-    piloted = ", where a pilot has to fly" if action in PILOTED else ""
-    return f"when setpoints stop it goes to {LOST_OFFBOARD.get(action, 'an unknown mode')}{piloted} ({action})"
-
-
-def _landing_without_setpoints(value: float) -> float:
-    return value if round(value) in LANDING else float(LAND)
-
-
-def _return_height(metres: float, vehicle: Vehicle) -> str:
-    return f"RTL_RETURN_ALT: a return climbs to up to {metres:g} m first"
-
-
-def _return_too_high(metres: float, vehicle: Vehicle) -> str | None:
-    if vehicle.ceiling_m is None or metres < vehicle.ceiling_m:
-        return None
-    return f"there is a ceiling at {vehicle.ceiling_m:g} m; expected failsafes that land"
-
-
-def _without_remote(value: float, vehicle: Vehicle) -> str:
-    action = LOST_REMOTE.get(round(value), "it does something unknown")
-    return f"NAV_RCL_ACT: when the remote control is lost {action} ({value:g})"
-
-
-def _poor_without_remote(value: float, vehicle: Vehicle) -> str | None:
-    return None if round(value) in LANDING_WITHOUT_REMOTE else "expected 3 (Land)"
-
-
-def _excepted(value: float, vehicle: Vehicle) -> str:
-    flies_on = "flies on" if int(value) & EXCEPT_OFFBOARD else "does not fly on"
-    return f"COM_RCL_EXCEPT: offboard {flies_on} without a remote control ({value:g})"
-
-
-def _poorly_excepted(value: float, vehicle: Vehicle) -> str | None:
-    return "then nobody can take the vehicle; expected 0" if int(value) & EXCEPT_OFFBOARD else None
-
-
-def _sticks(value: float, vehicle: Vehicle) -> str:
-    return f"COM_RC_IN_MODE: sticks are {'not read' if round(value) == NO_REMOTE else 'read'} ({value:g})"
-
-
-def _no_sticks(value: float, vehicle: Vehicle) -> str | None:
-    return "nobody can take the vehicle with a remote control; expected 0" if round(value) == NO_REMOTE else None
-
-
-def _override(value: float, vehicle: Vehicle) -> str:
-    ends = "ends" if int(value) & STICKS_END_OFFBOARD else "does not end"
-    return f"COM_RC_OVERRIDE: moving the sticks {ends} offboard ({value:g})"
-
-
-def _no_override(value: float, vehicle: Vehicle) -> str | None:
-    return None if int(value) & STICKS_END_OFFBOARD else "only the mode switch does; expected 3"
-
-
-def _low_battery(value: float, vehicle: Vehicle) -> str:
-    return (
-        f"COM_LOW_BAT_ACT: with a low battery {LOW_BATTERY.get(round(value), 'it does something unknown')} ({value:g})"
-    )
-
-
-def _ignored_battery(value: float, vehicle: Vehicle) -> str | None:
-    return None if round(value) in LOW_BATTERY and value else "expected 2 (Land)"
-
-
-def _scaling(value: float, vehicle: Vehicle) -> str:
-    return f"MC_BAT_SCALE_EN: thrust {'grows as the battery empties' if value else 'does not change with the battery'}"
-
-
-def _scaled(value: float, vehicle: Vehicle) -> str | None:
-    return "expected 0: the thrust that is flown is not the one that is commanded" if value else None
-
-
 PX4 = Firmware(
     name="PX4",
     mav_autopilot=12,
@@ -184,30 +110,77 @@ PX4 = Firmware(
     requirements=lambda own_system_id: (
         Requirement(
             "COM_OBL_RC_ACT",
-            _landing_without_setpoints,
+            lambda value: value if round(value) in LANDING else float(LAND),
             "when quadctl dies, nobody would land the vehicle",
             failsafe=True,
-            finding=_without_setpoints,
+            finding="when setpoints stop {meaning} ({value:g})",
+            meaning=LOST_OFFBOARD,
         ),
         Requirement(
             "EKF2_NOAID_TOUT",
             lambda value: min(value, UNAIDED_US),
             "for so many microseconds PX4 flies on by dead reckoning when GPS or motion capture is lost",
             advice=True,
-            finding=lambda value: f"without GPS or motion capture the estimator trusts itself for {1e-6 * value:g} s",
+            finding="without GPS or motion capture the estimator trusts itself for {meaning:g} s",
+            meaning=lambda us: 1e-6 * us,
         ),
     ),
     checks=(
-        Check("COM_OF_LOSS_T", _silence, _too_patient),
-        Check("COM_RC_IN_MODE", _sticks, _no_sticks),
-        Check("COM_RC_OVERRIDE", _override, _no_override),
-        Check("NAV_RCL_ACT", _without_remote, _poor_without_remote),
-        Check("COM_RCL_EXCEPT", _excepted, _poorly_excepted),
-        Check("COM_LOW_BAT_ACT", _low_battery, _ignored_battery),
-        Check("RTL_RETURN_ALT", _return_height, _return_too_high),
+        Check(
+            "COM_OF_LOSS_T",
+            "acts {value:g} s after the last setpoint",
+            lambda seconds, vehicle: seconds > MAX_SILENCE_S,
+            f"expected at most {MAX_SILENCE_S:g} s",
+        ),
+        Check(
+            "COM_RC_IN_MODE",
+            "sticks are {meaning} ({value:g})",
+            lambda value, vehicle: round(value) == NO_REMOTE,
+            "nobody can take the vehicle with a remote control; expected 0",
+            lambda value: "not read" if round(value) == NO_REMOTE else "read",
+        ),
+        Check(
+            "COM_RC_OVERRIDE",
+            "moving the sticks {meaning} offboard ({value:g})",
+            lambda value, vehicle: not int(value) & STICKS_END_OFFBOARD,
+            "only the mode switch does; expected 3",
+            lambda value: "ends" if int(value) & STICKS_END_OFFBOARD else "does not end",
+        ),
+        Check(
+            "NAV_RCL_ACT",
+            "when the remote control is lost {meaning} ({value:g})",
+            lambda value, vehicle: round(value) not in LANDING_WITHOUT_REMOTE,
+            "expected 3 (Land)",
+            LOST_REMOTE,
+        ),
+        Check(
+            "COM_RCL_EXCEPT",
+            "offboard {meaning} without a remote control ({value:g})",
+            lambda value, vehicle: bool(int(value) & EXCEPT_OFFBOARD),
+            "then nobody can take the vehicle; expected 0",
+            lambda value: "flies on" if int(value) & EXCEPT_OFFBOARD else "does not fly on",
+        ),
+        Check(
+            "COM_LOW_BAT_ACT",
+            "with a low battery {meaning} ({value:g})",
+            lambda value, vehicle: not value or round(value) not in LOW_BATTERY,
+            "expected 2 (Land)",
+            LOW_BATTERY,
+        ),
+        Check(
+            "RTL_RETURN_ALT",
+            "a return climbs to up to {value:g} m first",
+            above_ceiling(1.0),
+            "there is a ceiling at {vehicle.ceiling_m:g} m; expected failsafes that land",
+        ),
         hover_throttle_check("MPC_THR_HOVER"),
         rotor_count_check("CA_ROTOR_COUNT", lambda value: round(value) or None),
-        Check("MC_BAT_SCALE_EN", _scaling, _scaled),
+        Check(
+            "MC_BAT_SCALE_EN",
+            When("value", "thrust grows as the battery empties", "thrust does not change with the battery"),
+            lambda value, vehicle: bool(value),
+            "expected 0: the thrust that is flown is not the one that is commanded",
+        ),
     ),
     serial_parameters=("MAV_1_CONFIG", "SER_TEL2_BAUD"),
     rotor_axis_parameters=lambda rotor: (f"CA_ROTOR{rotor}_AX", f"CA_ROTOR{rotor}_AY", f"CA_ROTOR{rotor}_AZ"),

@@ -5,6 +5,7 @@ from typing import NamedTuple
 
 from quadctl.flight.model_watch.regression import PARAMETERS, Block, Estimate
 from quadctl.frames import GRAVITY_M_S2
+from quadctl.words import By, Words
 
 SURE = 4.0
 """Standard deviations by which a change that is told differs from none."""
@@ -28,12 +29,21 @@ class Change(NamedTuple):
 
     def __str__(self) -> str:
         side = "below" if self.amount < 0.0 else "above"
-        since = f"since {self.since_s:.0f} s"
-        if self.name == "thrust":
-            return f"thrust {abs(self.amount):.0%} {side} the model {since}"
-        if self.name.startswith("lean"):
-            return f"{self.name} by {math.degrees(self.amount):.1f} deg against the model {since}"
-        return f"{self.name} {abs(self.amount):.2f} 1/s {side} the model {since}"
+        return _WORDS.say(WORDS, {**self._asdict(), "side": side, "size": abs(self.amount)})
+
+
+LEAN = "{name} by {amount:degrees} deg against the model since {since_s:.0f} s"
+WORDS = By(
+    "name",
+    {
+        "thrust": "thrust {size:.0%} {side} the model since {since_s:.0f} s",
+        "lean forward": LEAN,
+        "lean right": LEAN,
+    },
+    "{name} {size:.2f} 1/s {side} the model since {since_s:.0f} s",
+)
+"""Template of a change."""
+_WORDS = Words({"degrees": lambda radians: f"{math.degrees(radians):.1f}"})
 
 
 class _Trace(NamedTuple):

@@ -37,6 +37,16 @@ class ModelError(NamedTuple):
 NO_ERROR = ModelError()
 
 
+class News(NamedTuple):
+    """Changes that a tick is the first to tell, and names of those that are over."""
+
+    begun: tuple[Change, ...] = ()
+    over: tuple[str, ...] = ()
+
+
+NO_NEWS = News()
+
+
 class Known(NamedTuple):
     """A quantity as this flight knows it."""
 
@@ -85,14 +95,14 @@ class ModelWatch:
         self._blocks.forget()
         self._slow, self.error = None, NO_ERROR
 
-    def look(self, state: VehicleState, ground_down_m: float, now_s: float) -> tuple[str, ...]:
+    def look(self, state: VehicleState, ground_down_m: float, now_s: float) -> News:
         """Take in the state of one tick in the air, `now_s` after the first; return what is new of changes."""
         at = self._predictor.predict(state, ground_down_m)
         if at is None:
-            return ()
+            return NO_NEWS
         if not all(map(math.isfinite, at.acceleration_ned)):  # an effect that has no value here, or no input yet
             self.pause()
-            return ()
+            return NO_NEWS
         self._battery_v = state.battery_v
         ned = self._filtered(state.velocity_ned_m_s, at)
         x, y, z = rotate_inverse(state.attitude, ned)
@@ -105,8 +115,8 @@ class ModelWatch:
         if self._tasks:
             self._tasks.pop(0)()
         known, told = {change.name for change in before}, {change.name for change in self.error.changes}
-        begun = [str(change) for change in self.error.changes if change.name not in known]
-        return *begun, *(f"{name} as in the model again" for name in sorted(known - told))
+        begun = tuple(change for change in self.error.changes if change.name not in known)
+        return News(begun, tuple(sorted(known - told)))
 
     def _filtered(self, velocity: Vec3, at: Prediction) -> Vec3:
         """Residual after a filter of first order, which differentiates the velocity at the same time."""

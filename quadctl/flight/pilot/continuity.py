@@ -5,6 +5,7 @@ from typing import NamedTuple
 
 from pydantic import Field
 
+from quadctl.flight.pilot.reasons import Kind, Reason, reason
 from quadctl.settings import Settings
 from quadctl.state import VehicleState
 
@@ -46,7 +47,7 @@ class Continuity:
         self._position: _Part | None = None
         self._attitude: _Part | None = None
 
-    def defect(self, state: VehicleState) -> str | None:
+    def defect(self, state: VehicleState) -> Reason | None:
         """Reason why this state cannot follow those before it, or None. The state's numbers must be finite."""
         position = _follow(self._position, state, "position", (*state.position_ned_m, *state.velocity_ned_m_s))
         attitude = _follow(self._attitude, state, "attitude", (*state.attitude, *state.rates_rad_s))
@@ -59,13 +60,13 @@ class Continuity:
         self._position, self._attitude = position, attitude
         return problem
 
-    def _frozen(self, name: str, part: _Part) -> str | None:
+    def _frozen(self, name: str, part: _Part) -> Reason | None:
         still_s, longest_s = part.sampled_s - part.moved_s, self._limits.max_frozen_s
         if longest_s > 0.0 and still_s > longest_s:
-            return f"the {name} is frozen: the same values for {still_s:.2f} s, allowed are {longest_s:g} s"
+            return reason(Kind.FROZEN, part=name, still_s=still_s, most_s=longest_s)
         return None
 
-    def _position_jump(self, before: _Part | None, now: _Part) -> str | None:
+    def _position_jump(self, before: _Part | None, now: _Part) -> Reason | None:
         if before is None or now.moved_s == before.moved_s:
             return None
         dt = max(now.moved_s - before.moved_s, 0.0)  # a stream may repeat what is updated seldom
@@ -74,13 +75,13 @@ class Continuity:
         expected = x + half * (u + after[3]), y + half * (v + after[4]), z + half * (w + after[5])
         jump_m, largest_m = math.dist(after[:3], expected), self._limits.max_position_jump_m
         if 0.0 < largest_m < jump_m:
-            return f"the position jumped by {jump_m:.2f} m, allowed are {largest_m:g} m"
+            return reason(Kind.POSITION_JUMP, jump_m=jump_m, most_m=largest_m)
         jump_m_s = math.dist(after[3:], (u, v, w)) - MAX_ACCELERATION_M_S2 * dt
         if 0.0 < self._limits.max_velocity_jump_m_s < jump_m_s:
-            return f"the velocity jumped by {jump_m_s:.1f} m/s, allowed are {self._limits.max_velocity_jump_m_s:g} m/s"
+            return reason(Kind.VELOCITY_JUMP, jump_m_s=jump_m_s, most_m_s=self._limits.max_velocity_jump_m_s)
         return None
 
-    def _attitude_jump(self, before: _Part | None, now: _Part) -> str | None:
+    def _attitude_jump(self, before: _Part | None, now: _Part) -> Reason | None:
         if before is None or now.moved_s == before.moved_s:
             return None
         dt = max(now.moved_s - before.moved_s, 0.0)  # a stream may repeat what is updated seldom
@@ -89,7 +90,7 @@ class Continuity:
         turn_rad = 2.0 * math.acos(min(cosine, 1.0))
         jump_deg, largest_deg = math.degrees(turn_rad - MAX_RATE_RAD_S * dt), self._limits.max_attitude_jump_deg
         if 0.0 < largest_deg < jump_deg:
-            return f"the attitude jumped by {jump_deg:.0f} deg, allowed are {largest_deg:g} deg"
+            return reason(Kind.ATTITUDE_JUMP, jump_deg=jump_deg, most_deg=largest_deg)
         return None
 
 

@@ -5,6 +5,7 @@ import math
 from pydantic import Field
 
 from quadctl.control import ControllerSettings
+from quadctl.flight.pilot.reasons import Kind, Reason, reason
 from quadctl.flight.pilot.timer import Timer
 from quadctl.frames import cos_tilt, tilt
 from quadctl.settings import Settings
@@ -63,7 +64,9 @@ class Following:
         flown by velocity has none."""
         return math.sqrt(self._square_sum_m2 / self._ticks) if self._ticks else 0.0
 
-    def defect(self, state: VehicleState, setpoint: Setpoint, target: AttitudeTarget, rest_down_m: float) -> str | None:
+    def defect(
+        self, state: VehicleState, setpoint: Setpoint, target: AttitudeTarget, rest_down_m: float
+    ) -> Reason | None:
         """Reason why control does not fly this vehicle, or None.
 
         `target` is sent now, to bring a vehicle at `state` to `setpoint` (NED); it took off from `rest_down_m`, the
@@ -100,7 +103,7 @@ class Following:
         jumps = (error if math.isnan(before) else now - before for now, before, error in axes if not math.isnan(now))
         return math.hypot(*jumps)
 
-    def _tracking(self, errors_m: tuple[float, float, float], now_s: float) -> str | None:
+    def _tracking(self, errors_m: tuple[float, float, float], now_s: float) -> Reason | None:
         if now_s < self._grace_until_s:
             self._off_horizontally.forget()
             self._off_vertically.forget()
@@ -109,14 +112,14 @@ class Following:
         most_level_m, most_height_m = self._limits.max_horizontal_error_m, self._limits.max_vertical_error_m
         longest_s = self._limits.max_error_s
         if self._off_horizontally.held_s(0.0 < most_level_m < level_m, now_s) > longest_s:
-            return _astray("horizontal", level_m, most_level_m, longest_s)
+            return reason(Kind.ASTRAY, part="horizontal", error_m=level_m, most_m=most_level_m, longest_s=longest_s)
         if self._off_vertically.held_s(0.0 < most_height_m < height_m, now_s) > longest_s:
-            return _astray("vertical", height_m, most_height_m, longest_s)
+            return reason(Kind.ASTRAY, part="vertical", error_m=height_m, most_m=most_height_m, longest_s=longest_s)
         return None
 
     def _contact(
         self, state: VehicleState, setpoint: Setpoint, target: AttitudeTarget, rest_down_m: float
-    ) -> str | None:
+    ) -> Reason | None:
         now_s, longest_s = state.time_s, self._limits.max_contact_s
         climbed_m, wanted_m = rest_down_m - state.position_ned_m[2], rest_down_m - setpoint.position_ned_m[2]
         self._airborne_seen = self._airborne_seen or not state.landed
@@ -128,11 +131,11 @@ class Following:
         if longest_s == 0.0:
             return None
         if carried_s > longest_s:
-            return f"the vehicle touches the ground: thrust carries {share:.0%} of its weight, and it does not fall"
+            return reason(Kind.CARRIED, share=share)
         if landed_s > longest_s:
-            return f"the vehicle touches the ground: the autopilot has called it landed for {landed_s:.1f} s"
+            return reason(Kind.CALLED_LANDED, landed_s=landed_s)
         if behind_s > longest_s:
-            return f"the vehicle stays on the ground: it is at {climbed_m:.2f} m above it, expected {wanted_m:.2f} m"
+            return reason(Kind.NOT_LIFTED, climbed_m=climbed_m, wanted_m=wanted_m)
         return None
 
     def _carried_share(self, state: VehicleState, target: AttitudeTarget) -> float:
@@ -141,25 +144,18 @@ class Following:
         thrust_n = (target.throttle - vehicle.throttle.offset) / vehicle.throttle.per_newton * vehicle.axial_share
         return float(thrust_n * cos_tilt(state.attitude) / vehicle.weight_n)
 
-    def _saturation(self, target: AttitudeTarget, now_s: float) -> str | None:
+    def _saturation(self, target: AttitudeTarget, now_s: float) -> Reason | None:
         longest_s, controller = self._limits.max_saturated_s, self._controller
         tilt_deg = math.degrees(tilt(target.attitude))
         leaning_s = self._leaning.held_s(tilt_deg > controller.max_tilt_deg - TILT_EDGE_DEG, now_s)
         pushing_s = self._pushing.held_s(target.throttle >= controller.max_throttle, now_s)
         if 0.0 < longest_s < leaning_s:
-            return f"the tilt command has been at its limit of {controller.max_tilt_deg:g} deg for {leaning_s:.1f} s"
+            return reason(Kind.TILT_SATURATED, most_deg=controller.max_tilt_deg, held_s=leaning_s)
         if 0.0 < longest_s < pushing_s:
-            return f"the throttle has been at its limit of {controller.max_throttle:g} for {pushing_s:.1f} s"
+            return reason(Kind.THROTTLE_SATURATED, most=controller.max_throttle, held_s=pushing_s)
         return None
 
 
 def _off(at: float, wanted: float) -> float:
     """Error of one axis; none where there is no place to be."""
     return 0.0 if math.isnan(wanted) else at - wanted
-
-
-def _astray(name: str, error_m: float, largest_m: float, longest_s: float) -> str:
-    return (
-        f"the mission is not followed: the {name} error has been over {largest_m:g} m for more than "
-        f"{longest_s:g} s, it is {error_m:.2f} m"
-    )

@@ -14,12 +14,12 @@ from pydantic import Field
 from quadctl.flight.pilot.continuity import ContinuityLimits
 from quadctl.flight.pilot.following import FollowingLimits
 from quadctl.flight.pilot.model_guard import ModelErrorLimits
+from quadctl.flight.pilot.reasons import Kind, Reason, reason
 from quadctl.frames import tilt
 from quadctl.missions import MissionLimits
 from quadctl.settings import Settings
 from quadctl.state import AttitudeTarget, VehicleState
 
-DISARMED = "the vehicle was disarmed"
 READY_TIMEOUT_S, BOOT_TIMEOUT_S = 15.0, 60.0
 """Longest wait for a state that a flight may use, and for an autopilot that reports that it is not ready, as it does
 for some time after boot."""
@@ -53,13 +53,13 @@ class Guard(enum.StrEnum):
 class Defect(NamedTuple):
     """Defect of a state, with the guard whose limit it is beyond; None: it has none."""
 
-    reason: str
+    reason: Reason
     guard: Guard | None = None
 
 
 class Breach(NamedTuple):
     answer: Answer
-    reason: str
+    reason: Reason
     guard: Guard | None = None
 
 
@@ -105,56 +105,54 @@ def floor(mission: MissionLimits) -> float:
 def defect(state: VehicleState, limits: GuardLimits) -> Defect | None:
     """Defect because of which control must not use this state, or None."""
     if not state.connected:
-        return Defect("the autopilot's heartbeat is lost", Guard.LINK)
+        return Defect(Reason(Kind.HEARTBEAT_LOST), Guard.LINK)
     for part in ("position", "attitude"):
         age_s, delay_s, allowed_s = state.age_s(part), state.setpoint_delay_s, limits.max_state_age_s
         if age_s == math.inf:
-            return Defect(f"the {part} never came", Guard.STATE_AGE)
+            return Defect(reason(Kind.NEVER_CAME, part=part), Guard.STATE_AGE)
         if age_s > allowed_s:
-            return Defect(f"the {part} is {age_s:.2f} s old, allowed are {allowed_s:g} s", Guard.STATE_AGE)
+            return Defect(reason(Kind.STALE, part=part, age_s=age_s, most_s=allowed_s), Guard.STATE_AGE)
         if age_s + delay_s > allowed_s:
-            old = f"{age_s + delay_s:.2f} s old when a setpoint arrives, allowed are {allowed_s:g} s"
-            return Defect(f"the link is slow: the {part} is {old}", Guard.STATE_AGE)
+            late = reason(Kind.SLOW_LINK, part=part, age_s=age_s + delay_s, most_s=allowed_s)
+            return Defect(late, Guard.STATE_AGE)
     if not state.finite:
-        return Defect("the state holds a value that is not a number")
+        return Defect(Reason(Kind.STATE_NOT_FINITE))
     if abs(math.hypot(*state.attitude) - 1.0) > UNIT_TOLERANCE:
-        return Defect(f"the attitude is no unit quaternion, its norm is {math.hypot(*state.attitude):.3g}")
+        return Defect(reason(Kind.NO_ATTITUDE, norm=math.hypot(*state.attitude)))
     if not state.estimator_ok:
-        return Defect("the autopilot's estimator does not trust its attitude, velocity or position")
+        return Defect(Reason(Kind.DISTRUSTED))
     if 0.0 < limits.max_estimator_ratio < state.estimator_ratio:
         ratio, largest = state.estimator_ratio, limits.max_estimator_ratio
-        doubt = f"the autopilot's estimator is in doubt: innovation ratio {ratio:.2f}, allowed are {largest:g}"
-        return Defect(doubt, Guard.ESTIMATOR)
+        return Defect(reason(Kind.IN_DOUBT, ratio=ratio, most=largest), Guard.ESTIMATOR)
     return _unaided(state, limits)
 
 
 def _unaided(state: VehicleState, limits: GuardLimits) -> Defect | None:
     """Defect of a position that is not measured any more, though the estimate goes on, or None."""
     if state.aid_lost:
-        return Defect("the autopilot has lost its source of position (GPS, motion capture)")
+        return Defect(Reason(Kind.AID_LOST))
     for guard, part, std_m, largest_m in (
         (Guard.HORIZONTAL_STD, "horizontal position", state.horizontal_std_m, limits.max_horizontal_std_m),
         (Guard.VERTICAL_STD, "height", state.vertical_std_m, limits.max_vertical_std_m),
     ):
         if 0.0 < largest_m < std_m:
-            stated = f"the estimator states a standard deviation of {std_m:.2f} m for the {part}"
-            return Defect(f"{stated}, allowed are {largest_m:g} m", guard)
+            return Defect(reason(Kind.UNCERTAIN, part=part, std_m=std_m, most_m=largest_m), guard)
     return None
 
 
-def unfit(target: AttitudeTarget, limits: GuardLimits, max_throttle: float) -> str | None:
+def unfit(target: AttitudeTarget, limits: GuardLimits, max_throttle: float) -> Reason | None:
     """Reason why this target must not reach the motors, whatever its origin, or None."""
     if not all(map(math.isfinite, (*target.attitude, target.throttle, *(target.lateral or ())))):
-        return "control gave a value that is not a number"
+        return Reason(Kind.TARGET_NOT_FINITE)
     if not 0.0 <= target.throttle <= max_throttle:
-        return f"control gave a throttle of {target.throttle:.3g}, allowed are 0 to {max_throttle:g}"
+        return reason(Kind.TARGET_THROTTLE, throttle=target.throttle, most=max_throttle)
     if abs(math.hypot(*target.attitude) - 1.0) > UNIT_TOLERANCE:
-        return f"control gave an attitude that is no unit quaternion, its norm is {math.hypot(*target.attitude):.3g}"
+        return reason(Kind.TARGET_NO_ATTITUDE, norm=math.hypot(*target.attitude))
     if target.lateral is not None and max(map(abs, target.lateral)) > max_throttle:
-        return f"control gave a lateral throttle of {target.lateral}, allowed are -{max_throttle:g} to {max_throttle:g}"
+        return reason(Kind.TARGET_LATERAL, lateral=target.lateral, most=max_throttle)
     tilt_deg = math.degrees(tilt(target.attitude))
     if tilt_deg > limits.max_tilt_deg:
-        return f"control gave a tilt of {tilt_deg:.0f} deg, allowed are {limits.max_tilt_deg:g} deg"
+        return reason(Kind.TARGET_TILT, tilt_deg=tilt_deg, most_deg=limits.max_tilt_deg)
     return None
 
 
@@ -176,36 +174,33 @@ def inspect(
     """
     # First who flies: what else is wrong is no longer our business, least of all to take the mode back for it.
     if not state.armed:
-        return Breach(Answer.RELEASE, DISARMED)
+        return Breach(Answer.RELEASE, Reason(Kind.DISARMED))
     if not state.offboard:
-        return Breach(Answer.RELEASE, f"the autopilot left offboard for {state.mode or 'an unknown mode'}")
+        return Breach(Answer.RELEASE, reason(Kind.LEFT_OFFBOARD, mode=state.mode))
     problem = defect(state, limits)
     if problem is not None:
         return Breach(Answer.HAND_OVER, *problem)
     tilt_deg = math.degrees(tilt(state.attitude))
     if tilt_deg > limits.max_tilt_deg:
-        tilted = f"the tilt is {tilt_deg:.0f} deg, allowed are {limits.max_tilt_deg:g} deg"
+        tilted = reason(Kind.TILT, tilt_deg=tilt_deg, most_deg=limits.max_tilt_deg)
         return Breach(Answer.HAND_OVER, tilted, Guard.TILT)
     speed = math.hypot(*state.velocity_ned_m_s)
     if speed > limits.max_speed_m_s:
-        fast = f"the speed is {speed:.1f} m/s, allowed are {limits.max_speed_m_s:g} m/s"
+        fast = reason(Kind.SPEED, speed_m_s=speed, most_m_s=limits.max_speed_m_s)
         return Breach(Answer.LAND, fast, Guard.SPEED)
     ceiling_m = mission.max_z_m + mission.margin_m
     if height_m > ceiling_m:
-        return Breach(Answer.LAND, f"the height is {height_m:.2f} m, allowed are {ceiling_m:g} m", Guard.HEIGHT)
+        return Breach(Answer.LAND, reason(Kind.HEIGHT, height_m=height_m, most_m=ceiling_m), Guard.HEIGHT)
     floor_m = floor(mission)
     if above_floor and height_m < floor_m:
-        low = f"the height is {height_m:.2f} m, allowed are {floor_m:g} m or more"
-        return Breach(Answer.LAND, low, Guard.FLOOR)
+        return Breach(Answer.LAND, reason(Kind.FLOOR, height_m=height_m, least_m=floor_m), Guard.FLOOR)
     fence_m = mission.max_distance_m + mission.margin_m
     if distance_m > fence_m:
-        far = f"the vehicle is {distance_m:.2f} m from take-off, allowed are {fence_m:g} m"
-        return Breach(Answer.LAND, far, Guard.DISTANCE)
+        return Breach(Answer.LAND, reason(Kind.DISTANCE, distance_m=distance_m, most_m=fence_m), Guard.DISTANCE)
     if in_air_s > mission_s + limits.max_over_time_s:
-        long = f"the flight lasts {in_air_s:.0f} s, the mission {mission_s:.0f} s"
-        return Breach(Answer.LAND, long, Guard.TIME)
+        return Breach(Answer.LAND, reason(Kind.TIME, in_air_s=in_air_s, mission_s=mission_s), Guard.TIME)
     if limits.min_battery_v > 0.0 and not state.battery_v >= limits.min_battery_v:  # an unknown voltage is a breach
-        empty = f"the battery is at {state.battery_v:.2f} V, allowed are {limits.min_battery_v:g} V"
+        empty = reason(Kind.BATTERY, battery_v=state.battery_v, least_v=limits.min_battery_v)
         return Breach(Answer.LAND, empty, Guard.BATTERY)
     return None
 

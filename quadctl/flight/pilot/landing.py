@@ -1,7 +1,8 @@
 """The end of a flight: the autopilot lands, or somebody else flies. A mode is never taken back from them."""
 
-from quadctl.flight.pilot.guards import DISARMED, Answer, Breach
+from quadctl.flight.pilot.guards import Answer, Breach
 from quadctl.flight.pilot.progress import Progress
+from quadctl.flight.pilot.reasons import Kind, Reason, reason
 from quadctl.flight.pilot.steering import Steering
 from quadctl.flight.pilot.supervisor import Supervisor
 from quadctl.flight.pilot.tick import Decision, Request, Stage
@@ -41,21 +42,21 @@ class Landing:
         self._asked_s: float | None = None
         self._failed = False
         self._unanswered = 0
-        self._let_go: str | None = None
+        self._let_go: Reason | None = None
         self._let_go_s: float | None = None
         self._given_back_s: float | None = None
         """Time since which the mode that somebody had taken is ours again; None: it is not."""
 
     # --- transitions ---------------------------------------------------------------------------------------------
 
-    def begin(self, reason: str, state: VehicleState) -> Decision:
+    def begin(self, why: Reason, state: VehicleState) -> Decision:
         """Begin to land from a valid state."""
-        return self.answer(Breach(Answer.LAND, reason), state)
+        return self.answer(Breach(Answer.LAND, why), state)
 
     def answer(self, breach: Breach, state: VehicleState) -> Decision:
         """End the flight as a breach demands."""
         self._progress.note(breach.reason, breach.answer.value, breach.guard)
-        self._progress.ended = breach.reason
+        self._progress.ends = (breach.reason,)
         if breach.answer is Answer.RELEASE:
             return self._release()
         self._silent = breach.answer is Answer.HAND_OVER
@@ -63,9 +64,9 @@ class Landing:
         self._progress.enter(Stage.LAND)
         return self._wait_for_mode(state, 0.0)
 
-    def let_go(self, reason: str) -> None:
+    def let_go(self, why: Reason) -> None:
         """Stop sending targets at the next tick, and end as soon as the autopilot lands."""
-        self._let_go = reason
+        self._let_go = why
 
     # --- stages: (state, time since the last tick) ---------------------------------------------------------------
 
@@ -82,7 +83,7 @@ class Landing:
         if self._left_s is not None or not (state.offboard or state.mode == "LAND"):
             return self._yield(state)
         if self._unconfirmed(state):
-            self._let_go = "nothing shows that the autopilot lands: its failsafe acts when quadctl is gone"
+            self._let_go = Reason(Kind.UNCONFIRMED)
             return self._leave(self._let_go, state)
         if self._too_long():
             return Decision()
@@ -96,17 +97,16 @@ class Landing:
     def released(self, state: VehicleState, dt: float) -> Decision:
         """One tick of RELEASED: somebody else flies; record until the vehicle is disarmed, never take the mode back."""
         if not state.connected and self._progress.in_stage_s > LINK_TIMEOUT_S:
-            self._progress.end(f"{self._progress.ended}; the link did not come back in {LINK_TIMEOUT_S:g} s")
+            self._progress.end(*self._progress.ends, reason(Kind.LINK_NOT_BACK, waited_s=LINK_TIMEOUT_S))
         elif self._given_back(state):
-            left = f"the mode is {state.mode} again, which nobody flies: its failsafe lands it when quadctl is gone"
-            self._progress.end(f"{self._progress.ended}; {left}")
+            self._progress.end(*self._progress.ends, reason(Kind.GIVEN_BACK, mode=state.mode))
         elif self._watch.motors_off(state, self._progress.in_stage_s) or self._watch.want_land:
             self._progress.enter(Stage.DONE)
         return Decision()
 
     # --- failures ------------------------------------------------------------------------------------------------
 
-    def failed(self, reason: str, refused: bool) -> None:
+    def failed(self, why: Reason, refused: bool) -> None:
         """The request to land failed: fall silent, so that the autopilot's own failsafe acts.
 
         One that was not `refused` but lost is made again first, if the mode is still known to be ours.
@@ -116,15 +116,15 @@ class Landing:
             if self._unanswered < TRIES:
                 self._asked_s = None
                 if self._unanswered == 1:
-                    self._progress.note(reason, "")
+                    self._progress.note(why, "")
                 return
         self._silent = self._failed = True
-        if reason not in self._progress.ended:
-            self._progress.note(reason, "silence")
+        if str(why) not in self._progress.ended:
+            self._progress.note(why, "silence")
             if self._watch.armed_seen:
-                self._progress.ended = f"{self._progress.ended}; {reason}"
+                self._progress.ends += (why,)
 
-    def unsound(self, problem: str, decision: Decision, state: VehicleState) -> Decision:
+    def unsound(self, problem: Reason, decision: Decision, state: VehicleState) -> Decision:
         """Land without control, which has failed; the requests of `decision` are kept."""
         self._progress.note(problem, "silence")
         self._silent = True
@@ -140,8 +140,8 @@ class Landing:
     def _note_disarming(self, state: VehicleState) -> None:
         """Note that somebody else has disarmed the vehicle, if no landing has."""
         if self._watch.armed_seen and state.offboard and not self._landing_seen:
-            self._progress.note(DISARMED, Answer.RELEASE.value)
-            self._progress.ended = f"{self._progress.ended}; {DISARMED}"
+            self._progress.note(Reason(Kind.DISARMED), Answer.RELEASE.value)
+            self._progress.ends += (Reason(Kind.DISARMED),)
 
     def _wait_for_mode(self, state: VehicleState, dt: float) -> Decision:
         if self._progress.in_stage_s >= HOLD_S:
@@ -160,7 +160,7 @@ class Landing:
         if self._landing_seen and (state.landed or self._progress.now_s - self._left_s < LANDED_NEWS_S):
             self._too_long()
             return Decision()
-        self._progress.note(f"the autopilot went to {state.mode or 'an unknown mode'}", Answer.RELEASE.value)
+        self._progress.note(reason(Kind.WENT_TO, mode=state.mode), Answer.RELEASE.value)
         return self._release()
 
     def _unconfirmed(self, state: VehicleState) -> bool:
@@ -182,15 +182,15 @@ class Landing:
         """True, and the flight is over, when the autopilot has not come down and disarmed in time."""
         if self._progress.in_stage_s <= self._watch.max_over_time_s:
             return False
-        given_up = f"the autopilot did not land and disarm in {self._watch.max_over_time_s:g} s"
-        self._progress.end(f"{self._progress.ended}; {given_up}")
+        given_up = reason(Kind.NOT_LANDED, waited_s=self._watch.max_over_time_s)
+        self._progress.end(*self._progress.ends, given_up)
         return True
 
-    def _leave(self, reason: str, state: VehicleState) -> Decision:
+    def _leave(self, why: Reason, state: VehicleState) -> Decision:
         now_s = self._progress.now_s
         if self._let_go_s is None:
-            self._progress.note(reason, Answer.HAND_OVER.value)
-            self._progress.ended = f"{self._progress.ended}; {reason}"
+            self._progress.note(why, Answer.HAND_OVER.value)
+            self._progress.ends += (why,)
             self._let_go_s = now_s
         if not state.offboard or now_s - self._let_go_s > LET_GO_S:
             self._progress.enter(Stage.DONE)

@@ -5,8 +5,12 @@ import math
 from pydantic import Field
 
 from quadctl.flight.model_watch.watch import ModelError
+from quadctl.flight.pilot.reasons import Kind, Reason, reason
 from quadctl.flight.pilot.timer import Timer
 from quadctl.settings import Settings
+
+DIRECTIONS = (("forward", "back"), ("to the right", "to the left"), ("down", "up"))
+"""Both directions of each axis of the body, FRD."""
 
 
 class ModelErrorLimits(Settings):
@@ -24,20 +28,12 @@ class ModelGuard:
         self._limits = limits
         self._over = Timer()
 
-    def defect(self, error: ModelError, now_s: float) -> str | None:
+    def defect(self, error: ModelError, now_s: float) -> Reason | None:
         """Reason why the vehicle is not the one of the model, or None."""
         most, longest_s = self._limits.max_m_s2, self._limits.max_s
         size = math.hypot(*error.ned_m_s2)
         if self._over.held_s(0.0 < most < size, now_s) <= longest_s:
             return None
-        return (
-            f"the vehicle is not the one of the model: the residual has been over {most:g} m/s^2 for more than "
-            f"{longest_s:g} s, it is {size:.2f} m/s^2, most of it {_direction(error)}"
-        )
-
-
-def _direction(error: ModelError) -> str:
-    """Direction of the body along which most of the error is."""
-    names = (("forward", "back"), ("to the right", "to the left"), ("down", "up"))
-    size, (towards, away) = max(zip(error.body_m_s2, names, strict=True), key=lambda pair: abs(pair[0]))
-    return towards if size > 0.0 else away
+        axis = max(range(3), key=lambda i: abs(error.body_m_s2[i]))
+        towards = DIRECTIONS[axis][error.body_m_s2[axis] <= 0.0]
+        return reason(Kind.OTHER_VEHICLE, most_m_s2=most, longest_s=longest_s, size_m_s2=size, towards=towards)

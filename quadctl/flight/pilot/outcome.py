@@ -1,13 +1,28 @@
 """Summary of a flight: its end, its log, its tracking error, and the lateness of its ticks."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 
 from quadctl.flight.pilot.pilot import END_EARLY, Pilot
+from quadctl.flight.pilot.reasons import Kind, Reason
 from quadctl.flight.pilot.tick import Stage, Tick
+from quadctl.words import Template, When, Words
 
-COMPLETED = "completed"
+COMPLETED = str(Reason(Kind.COMPLETED))
+
+
+LINES: tuple[Template, ...] = (
+    "{mission}: {ended} after {flight_s:.1f} s of flight",
+    ("phases: ", When("phases", "{phases:list}", "none")),
+    "tracking error (RMSE): north {rmse_cm[north]:.1f}, east {rmse_cm[east]:.1f}, up {rmse_cm[up]:.1f} cm",
+    When(
+        "is_late",
+        "{ticks} ticks, late by {late_ms[p50]:.2f} ms (median), {late_ms[p99]:.2f} ms (p99), "
+        "{late_ms[max]:.2f} ms (worst)",
+    ),
+)
+"""Templates of the lines that every flight has."""
 
 
 @dataclass(frozen=True)
@@ -36,26 +51,12 @@ class Outcome:
 
     def lines(self) -> list[str]:
         """Lines for the terminal."""
-        rmse = self.tracking_rmse_m
-        found = [
-            f"{self.mission}: {self.ended} after {self.flight_s:.1f} s of flight",
-            f"phases: {', '.join(self.phases) or 'none'}",
-            f"tracking error (RMSE): north {100 * rmse['north']:.1f}, east {100 * rmse['east']:.1f}, "
-            f"up {100 * rmse['up']:.1f} cm",
-        ]
-        if self.late_ms["max"] > 0.0:
-            late = self.late_ms
-            found.append(
-                f"{self.ticks} ticks, late by {late['p50']:.2f} ms (median), {late['p99']:.2f} ms (p99), "
-                f"{late['max']:.2f} ms (worst)"
-            )
-        found += self.known
-        if not self.completed:
-            found += self.texts
-        if self.problem:
-            found.append(self.problem)
-        found.append(f"log: {self.log}")
-        return found
+        centimetres = {axis: 100.0 * rmse_m for axis, rmse_m in self.tracking_rmse_m.items()}
+        facts = {**asdict(self), "rmse_cm": centimetres, "is_late": self.late_ms["max"] > 0.0}
+        words = Words()
+        told = self.known if self.completed else (*self.known, *self.texts)
+        lines = (*(words.say(line, facts) for line in LINES), *told, self.problem, f"log: {self.log}")
+        return [line for line in lines if line]
 
 
 class Tally:

@@ -14,6 +14,7 @@ from quadctl.flight.pilot.guards import Answer, Breach, Guard, patience_s, unfit
 from quadctl.flight.pilot.landing import Landing
 from quadctl.flight.pilot.model_guard import ModelGuard
 from quadctl.flight.pilot.progress import Progress
+from quadctl.flight.pilot.reasons import Kind, Reason, reason
 from quadctl.flight.pilot.settings import FlightSettings
 from quadctl.flight.pilot.steering import Home, Steering
 from quadctl.flight.pilot.supervisor import Supervisor
@@ -114,9 +115,9 @@ class Pilot:
 
     @property
     def ended(self) -> str:
-        """End of the flight: `completed`, or the reason why it was not; empty before."""
+        """End of the flight, in words: `completed`, or the reason why it was not; empty before."""
         gone = self.done and self._watch.gone
-        return f"{self._progress.ended}; the autopilot is gone" if gone else self._progress.ended
+        return f"{self._progress.ended}; {Reason(Kind.GONE_AT_END)}" if gone else self._progress.ended
 
     @property
     def autopilot_gone(self) -> bool:
@@ -132,16 +133,17 @@ class Pilot:
         """Horizontal distance from the take-off point."""
         return self._home.distance_m(state)
 
-    def ask_to_land(self, reason: str) -> None:
+    def ask_to_land(self, why: str) -> None:
         """Land at the next tick (Ctrl-C, SIGTERM, a button)."""
-        self._watch.want_land = reason
+        self._watch.want_land = reason(Kind.TOLD, text=why)
 
-    def ask_to_let_go(self, reason: str) -> None:
+    def ask_to_let_go(self, why: str) -> None:
         """Hand over at the next tick (a second Ctrl-C): no more targets, the autopilot lands, and we are gone."""
-        self._watch.want_land = self._watch.want_land or reason
-        self._landing.let_go(reason)
+        wish = reason(Kind.TOLD, text=why)
+        self._watch.want_land = self._watch.want_land or wish
+        self._landing.let_go(wish)
 
-    def request_failed(self, request: Request, reason: str, refused: bool = True) -> None:
+    def request_failed(self, request: Request, why: str, refused: bool = True) -> None:
         """Note that a request failed; `refused`: by an answer, so that nothing was done.
 
         A refused arming is asked for again for some seconds; an arming, a take-off or a landing that was not answered
@@ -151,19 +153,19 @@ class Pilot:
             return
         if request is Request.LAND:
             if self.stage is Stage.LAND:
-                self._landing.failed(reason, refused)
+                self._landing.failed(reason(Kind.TOLD, text=why), refused)
         elif request is Request.ARM and refused:
             self._watch.arm_asked = False
-            self._arm_refused = self._progress.now_s, reason
+            self._arm_refused = self._progress.now_s, why
         elif request in (Request.ARM, Request.TAKE_OFF) and not refused and self._unanswered < TRIES - 1:
             self._unanswered += 1
             self._lost = request
         else:
-            self._watch.refusal = reason
+            self._watch.refusal = reason(Kind.TOLD, text=why)
 
-    def fail(self, reason: str) -> None:
+    def fail(self, why: str) -> None:
         """Note that a target could not be sent: no more targets, and the autopilot lands."""
-        self._watch.failure = reason
+        self._watch.failure = reason(Kind.TOLD, text=why)
 
     def tick(self, state: VehicleState, late_s: float) -> Tick:
         """Decide what to do now. `late_s`: how late this tick is."""
@@ -206,8 +208,10 @@ class Pilot:
         except (ArithmeticError, ValueError):  # a model beyond its range is no reason to end a flight
             self._model.pause()
             return
-        for sentence in news:
-            self._progress.note(sentence, "")
+        for change in news.begun:
+            self._progress.note(reason(Kind.CHANGED, change=change), "")
+        for name in news.over:
+            self._progress.note(reason(Kind.AS_MODELLED, name=name), "")
         if decision.target is not None and decision.setpoint is not None:
             self._model.sent(state.time_s, decision.target, decision.setpoint)
 
@@ -222,7 +226,7 @@ class Pilot:
             if not problem:
                 return decision
         except (ArithmeticError, ValueError) as error:
-            problem = f"control failed ({error})"
+            problem = reason(Kind.CONTROL_FAILED, error=error)
         self._watch.failure = problem
         if self.stage is Stage.LAND:
             return self._landing.unsound(problem, decision, state)
@@ -238,14 +242,13 @@ class Pilot:
         if self._watch.want_land:
             self._progress.end(self._watch.want_land)
         elif problem is None and state.armed:
-            self._progress.end("the vehicle is armed already, expected it to stand disarmed on the ground")
+            self._progress.end(Reason(Kind.ARMED_ALREADY))
         elif problem is None:
             self._steering.start_at(state)
             self._progress.enter(Stage.STREAM)
         elif self._progress.in_stage_s > allowed_s:
             reasons = [] if state.ready_to_arm else self._reasons(state)
-            problem = "; ".join([problem, *reasons])
-            self._progress.end(f"no usable state came from the autopilot in {allowed_s:g} s: {problem}")
+            self._progress.end(reason(Kind.NO_USABLE_STATE, waited_s=allowed_s, problem=problem, texts=reasons))
         elif not state.ready_to_arm and self._progress.now_s - self._checks_asked_s > CHECKS_EVERY_S:
             self._checks_asked_s = self._progress.now_s
             return Decision(requests=(Request.CHECKS,))
@@ -253,7 +256,7 @@ class Pilot:
 
     def _stream(self, state: VehicleState, dt: float) -> Decision:
         problem = self._watch.objection(state) or self._watch.unready(state)
-        problem = "somebody else armed the vehicle" if state.armed else problem
+        problem = Reason(Kind.ARMED_BY_OTHERS) if state.armed else problem
         if problem is not None:  # nothing has been asked for yet, so there is nothing to undo
             self._progress.end(problem)
             return _NOTHING
@@ -264,8 +267,7 @@ class Pilot:
 
     def _start(self, state: VehicleState, dt: float) -> Decision:
         if not state.offboard and (self._offboard_seen or state.armed):
-            reason = f"the autopilot went to {state.mode or 'an unknown mode'}"
-            return self._landing.answer(Breach(Answer.RELEASE, reason), state)
+            return self._landing.answer(Breach(Answer.RELEASE, reason(Kind.WENT_TO, mode=state.mode)), state)
         self._offboard_seen = state.offboard
         problem = self._watch.objection(state)
         if problem is None and self._progress.in_stage_s > START_TIMEOUT_S:
@@ -313,7 +315,7 @@ class Pilot:
         if breach is None and self._watch.refusal is not None:
             breach = Breach(Answer.HAND_OVER, self._watch.refusal)
         if breach is None and self._progress.in_stage_s > CLIMB_TIMEOUT_S:
-            breach = Breach(Answer.HAND_OVER, f"the autopilot did not take off in {CLIMB_TIMEOUT_S:g} s")
+            breach = Breach(Answer.HAND_OVER, reason(Kind.NO_TAKE_OFF, waited_s=CLIMB_TIMEOUT_S))
         if breach is not None:  # no targets yet, so none while the landing is asked for either
             silent = Answer.HAND_OVER if breach.answer is Answer.LAND else breach.answer
             return self._landing.answer(breach._replace(answer=silent), state)
@@ -366,18 +368,16 @@ class Pilot:
         self._watch.arm_asked = True
         return (Request.ARM,)
 
-    def _why_not_started(self, state: VehicleState) -> str:
+    def _why_not_started(self, state: VehicleState) -> Reason:
         if self._arm_refused is None:
-            return (
-                f"the autopilot did not get ready in {START_TIMEOUT_S:g} s: "
-                f"armed is {state.armed}, mode is {state.mode or 'unknown'}, expected {state.offboard_mode}"
-            )
+            waited = {"waited_s": START_TIMEOUT_S, "armed": state.armed, "mode": state.mode}
+            return reason(Kind.NOT_STARTED, **waited, expected=state.offboard_mode)
         refusal = self._arm_refused[1].rstrip(".")
-        return "; ".join([refusal, *(reason for reason in self._reasons(state) if reason not in refusal)])
+        return reason(Kind.REFUSED, text=refusal, texts=[text for text in self._reasons(state) if text not in refusal])
 
-    def _give_up(self, reason: str, state: VehicleState) -> Decision:
+    def _give_up(self, why: Reason, state: VehicleState) -> Decision:
         """End a flight before anything was armed, out of offboard again if it was entered for it."""
-        self._progress.end(reason)
+        self._progress.end(why)
         if not state.offboard:
             return _NOTHING
         self._progress.enter(Stage.STAND_DOWN)
@@ -400,30 +400,28 @@ class Pilot:
         known = self._model.known
         if not all(known[name].share <= most for name, most in self.mission.until.items()):
             return False
-        found = "; ".join(f"{name} {known[name]}" for name in self.mission.until)
-        self._progress.note(f"known by now: {found}", END_EARLY)
+        found = {name: known[name] for name in self.mission.until}
+        self._progress.note(reason(Kind.KNOWN, known=found), END_EARLY)
         return True
 
-    def _verdict(self) -> str:
+    def _verdict(self) -> Reason:
         """End of a mission that was flown to its last phase: completed, if it was followed."""
         error_m, allowed_m = self._following.error_rms_m, self.mission.limits.tolerance_m
         if error_m > allowed_m:
-            return f"mission not followed: the position error was {error_m:.2f} m (RMS), allowed are {allowed_m:g} m"
-        return "completed"
+            return reason(Kind.NOT_FOLLOWED, error_m=error_m, most_m=allowed_m)
+        return Reason(Kind.COMPLETED)
 
     def _notice_fading(self, decision: Decision) -> None:
         """Note once, for the log, that the compensator has faded."""
         if decision.output is not None and decision.output.compensation.trust < 1.0 and not self._faded:
             self._faded = True
-            self._progress.note("the compensator is beyond the heights of its data", "fade out")
+            self._progress.note(Reason(Kind.FADED), "fade out")
 
     def _notice_silence(self) -> None:
         """Note for the log when the autopilot falls silent altogether, and when it is heard again."""
         if self._watch.gone != self._gone:
             self._gone = self._watch.gone
-            self._progress.note(
-                "the autopilot is gone: nothing comes from it" if self._gone else "it is heard again", ""
-            )
+            self._progress.note(Reason(Kind.GONE if self._gone else Kind.HEARD_AGAIN), "")
 
     def _notice_texts(self, state: VehicleState) -> tuple[StatusText, ...]:
         """Texts that are new, which are noted for the log."""
@@ -432,7 +430,7 @@ class Pilot:
         new = tuple(text for text in state.texts if text not in self._texts)
         self._texts = state.texts
         for text in new:
-            self._progress.note(str(text), "")
+            self._progress.note(reason(Kind.TOLD, text=text), "")
         return new
 
     def _reasons(self, state: VehicleState) -> list[str]:

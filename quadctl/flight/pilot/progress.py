@@ -1,6 +1,7 @@
 """Progress of a flight: its stage, the time since it began, and the events for the log."""
 
 from quadctl.flight.pilot.guards import Guard
+from quadctl.flight.pilot.reasons import Reason
 from quadctl.flight.pilot.tick import Event, Stage
 
 
@@ -9,8 +10,8 @@ class Progress:
 
     def __init__(self) -> None:
         self.stage = Stage.WAIT
-        self.ended = ""
-        """End of the flight: `completed`, or the reason why it was not; empty before."""
+        self.ends: tuple[Reason, ...] = ()
+        """End of the flight: completed, or the reason why it was not, and what came after it; empty before."""
         self.flight_s = 0.0
         """Time in the mission."""
         self.now_s = 0.0
@@ -52,15 +53,23 @@ class Progress:
         self.stage = stage
         self._entered_s = self.now_s
 
-    def end(self, reason: str) -> None:
+    @property
+    def ended(self) -> str:
+        """End of the flight, in words; empty before."""
+        return "; ".join(map(str, self.ends))
+
+    def end(self, *reasons: Reason) -> None:
         """End the flight."""
-        self.note(reason, "end")
-        self.ended = reason
+        self.ends = reasons
+        self._note(self.ended, "end", reasons[-1])
         self.enter(Stage.DONE)
 
-    def note(self, what: str, answer: str, guard: Guard | None = None) -> None:
+    def note(self, reason: Reason, answer: str, guard: Guard | None = None) -> None:
         """Note an event for the log."""
-        self._events.append(Event(self.time_s, what, answer, guard.value if guard else ""))
+        self._note(str(reason), answer, reason, guard)
+
+    def _note(self, what: str, answer: str, reason: Reason, guard: Guard | None = None) -> None:
+        self._events.append(Event(self.time_s, what, answer, guard.value if guard else "", reason.kind.name.lower()))
 
     def take_events(self) -> tuple[Event, ...]:
         """Events noted since the last call."""

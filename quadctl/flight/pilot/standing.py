@@ -2,6 +2,7 @@
 
 import math
 
+from quadctl.flight.pilot.reasons import Kind, Reason, reason
 from quadctl.flight.pilot.settings import HeightDatum
 from quadctl.frames import tilt
 from quadctl.state import VehicleState
@@ -12,21 +13,21 @@ MAX_HEIGHT_M = 0.3
 """Largest tilt, speed and height in the estimate of a vehicle that stands on the ground."""
 
 
-def posture(state: VehicleState) -> str:
-    """Tilt, speed and height, in words."""
-    lean_deg, speed, height_m = _shown(state)
-    return f"{lean_deg:.1f} deg tilt, {speed:.2f} m/s, z = {height_m:.2f} m in the autopilot's frame"
+def posture(state: VehicleState) -> Reason:
+    """Tilt, speed and height of the vehicle."""
+    lean_deg, speed_m_s, height_m = _shown(state)
+    return reason(Kind.POSTURE, tilt_deg=lean_deg, speed_m_s=speed_m_s, height_m=height_m)
 
 
-def not_standing(state: VehicleState, height_datum: HeightDatum) -> str | None:
+def not_standing(state: VehicleState, height_datum: HeightDatum) -> Reason | None:
     """Expectation that a vehicle standing on the ground does not meet, or None."""
-    lean_deg, speed, height_m = _shown(state)
+    lean_deg, speed_m_s, height_m = _shown(state)
     if not lean_deg <= MAX_TILT_DEG:
-        return f"expected at most {MAX_TILT_DEG:g} deg"
-    if not speed <= MAX_SPEED_M_S:
-        return f"expected at most {MAX_SPEED_M_S:g} m/s"
+        return reason(Kind.LEANS, most_deg=MAX_TILT_DEG)
+    if not speed_m_s <= MAX_SPEED_M_S:
+        return reason(Kind.MOVES, most_m_s=MAX_SPEED_M_S)
     if height_datum == "frame" and not abs(height_m) <= MAX_HEIGHT_M:
-        return "height_datum: frame takes z = 0 for the ground, expected the vehicle there; or say takeoff"
+        return Reason(Kind.OTHER_DATUM)
     return None
 
 

@@ -4,6 +4,7 @@ import math
 
 from quadctl.flight.pilot.continuity import Continuity
 from quadctl.flight.pilot.guards import Answer, Breach, Guard, defect, inspect
+from quadctl.flight.pilot.reasons import Kind, Reason, reason
 from quadctl.flight.pilot.settings import FlightSettings
 from quadctl.flight.pilot.standing import not_standing, posture
 from quadctl.flight.pilot.steering import Home
@@ -36,18 +37,18 @@ class Supervisor:
         self._home = home
         self.arm_asked = False
         self.armed_seen = False
-        self.want_land: str | None = None
+        self.want_land: Reason | None = None
         """Reason why somebody wants the flight to end."""
-        self.refusal: str | None = None
+        self.refusal: Reason | None = None
         """Reason why the autopilot refused a request that a start needs."""
-        self.failure: str | None = None
+        self.failure: Reason | None = None
         """Reason why we cannot go on commanding."""
         self.restarted = False
         """True when the autopilot has restarted, and forgotten our requests."""
         self._boots: int | None = None
         self._continuity = Continuity(settings.guards.continuity)
         self._cleared = False
-        self._stall: str | None = None
+        self._stall: Reason | None = None
         self._unheard_s = 0.0
         self._stalled_s = -math.inf
         """Time at which the last stall was noticed."""
@@ -61,7 +62,7 @@ class Supervisor:
         self.armed_seen = self.armed_seen or state.armed
         stalled_s = max(late_s, dt - self._period_s)
         stalled = stalled_s > self._guards.max_tick_late_s
-        self._stall = f"the control loop stalled for {stalled_s:.2f} s" if stalled else None
+        self._stall = reason(Kind.STALLED, stalled_s=stalled_s) if stalled else None
         self._stalled_s = state.time_s if stalled else self._stalled_s
         heard = not SILENT_S < state.silence_s < math.inf  # or never yet
         self._unheard_s = 0.0 if heard else self._unheard_s + min(dt, self._guards.max_tick_late_s)
@@ -73,31 +74,33 @@ class Supervisor:
         """True when nothing at all has come from the autopilot for three seconds."""
         return self._unheard_s > GONE_S
 
-    def defect(self, state: VehicleState) -> str | None:
+    def defect(self, state: VehicleState) -> Reason | None:
         """Reason why a flight cannot begin with this state, or None."""
         least_v = self._guards.min_battery_v
         if least_v > 0.0 and not state.battery_v >= least_v:
-            return f"the battery is at {state.battery_v:.2f} V, expected {least_v:g} V or more"
+            return reason(Kind.BATTERY_AT_START, battery_v=state.battery_v, least_v=least_v)
+        if state.why_battery_empty is not None:
+            return reason(Kind.TOLD, text=state.why_battery_empty)
         found = defect(state, self._guards)
-        return state.why_battery_empty or (found.reason if found else None)
+        return found.reason if found else None
 
-    def unready(self, state: VehicleState) -> str | None:
+    def unready(self, state: VehicleState) -> Reason | None:
         """Reason why the autopilot would not arm in the mode that it is in, or None.
 
         Not to be asked while a change of mode is under way: its readiness is about a mode that it has not told yet.
         """
         if state.ready_to_arm or state.armed:
             return None
-        return f"the autopilot is not ready to arm in {state.mode or 'an unknown mode'}"
+        return reason(Kind.NOT_READY, mode=state.mode)
 
-    def unsettled(self, state: VehicleState) -> str | None:
+    def unsettled(self, state: VehicleState) -> Reason | None:
         """Reason why a vehicle that is to take off does not seem to stand on the ground, or None."""
         expected = not_standing(state, self._height_datum)
-        return expected and f"the vehicle does not stand on the ground: {posture(state)}: {expected}"
+        return expected and reason(Kind.NOT_STANDING, posture=posture(state), expected=expected)
 
-    def objection(self, state: VehicleState) -> str | None:
+    def objection(self, state: VehicleState) -> Reason | None:
         """Reason why the flight must not begin, or None."""
-        restarted = "the autopilot restarted" if self.restarted else None
+        restarted = Reason(Kind.RESTARTED) if self.restarted else None
         return self.want_land or self.refusal or self.failure or restarted or self.defect(state)
 
     def mode_is_ours(self, state: VehicleState) -> bool:
@@ -144,9 +147,11 @@ class Supervisor:
             self._cleared,
         )
         if found is not None and found.answer is Answer.RELEASE:  # goes before our own troubles
-            return found if self._stall is None else found._replace(reason=f"{self._stall}, then {found.reason}")
+            if self._stall is None:
+                return found
+            return found._replace(reason=reason(Kind.STALLED_BEFORE, **self._stall.facts, reason=found.reason))
         if self.restarted:
-            return Breach(Answer.RELEASE, "the autopilot restarted")
+            return Breach(Answer.RELEASE, Reason(Kind.RESTARTED))
         if self.failure is not None:
             return Breach(Answer.HAND_OVER, self.failure)
         if self._stall is not None:

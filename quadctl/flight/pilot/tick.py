@@ -42,6 +42,8 @@ class Event(NamedTuple):
     answer: str
     guard: str = ""
     """Name of the `Guard` whose limit was passed; empty where it was none of them."""
+    kind: str = ""
+    """Name of its `reasons.Kind`, in small letters."""
 
 
 class Decision(NamedTuple):

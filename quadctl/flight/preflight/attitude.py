@@ -6,14 +6,15 @@ from typing import NamedTuple
 
 from quadctl.control.lags import turn_lag_s
 from quadctl.flight.autopilot.port import Autopilot
+from quadctl.flight.preflight.facts import Kind
 from quadctl.flight.preflight.findings import Finding, Verdict, judged
 from quadctl.flight.preflight.plan import FlightPlan
 from quadctl.vehicle import AttitudeResponse
+from quadctl.words import Fact, fact
 
 TOPIC, EARLIER = "attitude", "last log"
 FLOAT32 = 1e-6
 """Relative difference of the same number as autopilots and their logs hold it."""
-AGAIN = "the lag may differ: fly excitation and run `quadctl fit` again"
 
 
 class LastFlight(NamedTuple):
@@ -30,18 +31,13 @@ def check_look_ahead(plan: FlightPlan) -> Finding:
     """Finding about how far ahead the reference is looked at."""
     controller, vehicle = plan.settings.controller, plan.body.vehicle
     if not controller.look_ahead:
-        return judged(TOPIC, "look_ahead is false: the reference is fed forward at its own time")
+        return judged(TOPIC, Fact(Kind.NOT_AHEAD))
     lag_s = turn_lag_s(plan.compensator, controller)
     if lag_s is not None:
-        return judged(TOPIC, f"the force to the side follows {lag_s:.2f} s later, and the reference is looked at ahead")
-    off = "look-ahead is off, and the vehicle lags behind its reference"
+        return judged(TOPIC, fact(Kind.AHEAD, lag_s=lag_s))
     if vehicle.attitude_response is None:
-        return judged(
-            TOPIC,
-            f"'{vehicle.name}' has no attitude_response: {off}; `quadctl fit` finds it in a log of the mission "
-            "`excitation`",
-        )
-    return judged(TOPIC, f"lag {vehicle.attitude_response.lag_s:.2f} s, but no drag in the model: {off}")
+        return judged(TOPIC, fact(Kind.NO_RESPONSE, vehicle=vehicle.name))
+    return judged(TOPIC, fact(Kind.NO_DRAG, lag_s=vehicle.attitude_response.lag_s))
 
 
 def compare_with_log(plan: FlightPlan, last: LastFlight) -> Finding:
@@ -51,17 +47,18 @@ def compare_with_log(plan: FlightPlan, last: LastFlight) -> Finding:
     """
     found, configured = last.response, plan.body.vehicle.attitude_response
     if found is None:
-        text = f"{last.log} does not show the lag"
-        return judged(EARLIER, text, warning="expected 15 s in the air that lean both ways, as excitation does")
-    text = f"attitude lag {_with_interval(found)} in {last.log}"
-    if configured is None:
-        return judged(
-            EARLIER, f"{text}, configured none: look-ahead is off; `quadctl fit` writes it into the model file"
-        )
+        return judged(EARLIER, fact(Kind.LAG_NOT_SHOWN, log=last.log), warning=Fact(Kind.TOO_CALM))
+    apart = configured is not None and _apart(found, configured, 1.0 / plan.settings.controller.rate_hz)
     return judged(
         EARLIER,
-        f"{text}, configured {configured.lag_s:.2f}",
-        warning=AGAIN if _apart(found, configured, 1.0 / plan.settings.controller.rate_hz) else None,
+        fact(
+            Kind.LAG_SHOWN,
+            log=last.log,
+            lag_s=found.lag_s,
+            interval_s=found.lag_interval_s,
+            configured_s=None if configured is None else configured.lag_s,
+        ),
+        warning=Fact(Kind.LAG_DIFFERS) if apart else None,
     )
 
 
@@ -69,21 +66,18 @@ async def ask_about_attitude(last: LastFlight, autopilot: Autopilot) -> list[Fin
     """Findings about the parameters on which the lag depends, and whose value is not that of the log."""
     names = [name for name in autopilot.firmware.attitude_parameters if name in last.parameters]
     if not names:
-        return [judged(EARLIER, f"{last.log} does not hold the parameters on which the lag depends")]
+        return [judged(EARLIER, fact(Kind.NO_PARAMETERS_IN_LOG, log=last.log))]
     now = await autopilot.parameters(names)
     changed = [
         Finding(
-            Verdict.WARNING, EARLIER, f"{name} was {last.parameters[name]:g} in {last.log}, is {now[name]:g}: {AGAIN}"
+            Verdict.WARNING,
+            EARLIER,
+            fact(Kind.PARAMETER_CHANGED, name=name, was=last.parameters[name], log=last.log, now=now[name]),
         )
         for name in names
         if name in now and not math.isclose(now[name], last.parameters[name], rel_tol=FLOAT32, abs_tol=1e-9)
     ]
-    return changed or [judged(EARLIER, f"{len(now)} parameters on which the lag depends are as in {last.log}")]
-
-
-def _with_interval(response: AttitudeResponse) -> str:
-    interval_s = response.lag_interval_s
-    return f"{response.lag_s:.2f} s" + ("" if interval_s is None else f" [{interval_s[0]:.2f}, {interval_s[1]:.2f}]")
+    return changed or [judged(EARLIER, fact(Kind.PARAMETERS_KEPT, parameters=len(now), log=last.log))]
 
 
 def _apart(a: AttitudeResponse, b: AttitudeResponse, tick_s: float) -> bool:

@@ -14,7 +14,9 @@ import yaml
 
 from quadctl.errors import FlightError
 from quadctl.flight.autopilot.port import Autopilot
+from quadctl.flight.preflight.facts import Kind
 from quadctl.settings import Settings, load
+from quadctl.words import Fact, fact
 
 FILE_NAME = "changed_parameters.yaml"
 
@@ -76,12 +78,9 @@ class ChangedParameters:
             raise FlightError(f"{self.path}: cannot be written for the old parameters ({error.strerror})") from None
 
 
-def left_behind(name: str, change: Change) -> str:
-    """Sentence about a change that an earlier flight did not undo."""
-    return (
-        f"{name} = {change.set_to:.7g} was set for an earlier flight, which ended without restoring it: it was "
-        f"{change.was:.7g}, --restore-params restores it"
-    )
+def left_behind(name: str, change: Change) -> Fact:
+    """Fact about a change that an earlier flight did not undo."""
+    return fact(Kind.LEFT_BEHIND, name=name, set_to=change.set_to, was=change.was)
 
 
 async def still_changed(autopilot: Autopilot, kept: ChangedParameters) -> dict[str, Change]:

@@ -13,6 +13,7 @@ from quadctl.errors import SettingsError
 from quadctl.flight.pilot.guards import GuardLimits
 from quadctl.flight.pilot.settings import FlightSettings
 from quadctl.flight.preflight.attitude import check_look_ahead
+from quadctl.flight.preflight.facts import Kind
 from quadctl.flight.preflight.findings import Finding, Verdict, judged
 from quadctl.flight.preflight.lateral import check_rotors
 from quadctl.flight.preflight.plan import FlightPlan
@@ -23,6 +24,7 @@ from quadctl.missions.profile import Sample, flown_heights_m, sampled
 from quadctl.settings import Settings
 from quadctl.state import Vec3, VehicleState
 from quadctl.vehicle import Vehicle
+from quadctl.words import Fact, fact
 
 THRUST_MARGIN = 0.85
 """Share of the largest thrust beyond which a mission leaves little for attitude control."""
@@ -142,33 +144,39 @@ def _answer(jump_m: Vec3, controller: ControllerSettings) -> Vec3:
 def _mission(mission: Mission, samples: Sequence[Sequence[Sample]]) -> Finding:
     lowest, highest = flown_heights_m(samples)
     limits = mission.limits
-    slowed = "" if mission.time_scale == 1.0 else f" (times {mission.time_scale:g}-fold)"
     return judged(
         "mission",
-        f"{mission.name}, {mission.duration_s:.0f} s{slowed} in {len(mission.phases)} phases, heights {lowest:.2f} to "
-        f"{highest:.2f} m within its limits of {limits.min_z_m:g} to {limits.max_z_m:g} m{_early(mission)}",
+        fact(
+            Kind.MISSION,
+            name=mission.name,
+            duration_s=mission.duration_s,
+            time_scale=mission.time_scale,
+            phases=len(mission.phases),
+            lowest_m=lowest,
+            highest_m=highest,
+            min_z_m=limits.min_z_m,
+            max_z_m=limits.max_z_m,
+            until=mission.until,
+        ),
     )
-
-
-def _early(mission: Mission) -> str:
-    wanted = " and ".join(f"{name} to {100.0 * share:g} %" for name, share in mission.until.items())
-    return f"; it ends earlier once the flight knows {wanted}" if wanted else ""
 
 
 def _compensator(plan: FlightPlan) -> Iterator[Finding]:
     model = plan.compensator
     if not model.stack:
-        yield judged("compensator", "none")
+        yield judged("compensator", Fact(Kind.NO_COMPENSATOR))
         return
-    names = ", ".join(effect.name for effect in model.effects)
     low, high = plan.rotor_heights_m
-    where = f"{names}, rotor heights {low:.2f} to {high:.2f} m"
     try:
         warnings = check_compensator(model, low, high, model.name)
     except SettingsError as error:
-        yield Finding(Verdict.REFUSED, "compensator", str(error))
+        yield Finding(Verdict.REFUSED, "compensator", fact(Kind.TOLD, text=str(error)))
         return
-    yield judged("compensator", where, warning="; ".join(warnings) or None)
+    yield judged(
+        "compensator",
+        fact(Kind.COMPENSATOR, effects=[effect.name for effect in model.effects], low_m=low, high_m=high),
+        warning=fact(Kind.SEVERAL, facts=warnings) if warnings else None,
+    )
     yield from _surfaces(plan)
     for item in model.stack:
         fitted = item.fitted.height_m if item.fitted is not None else None
@@ -178,8 +186,8 @@ def _compensator(plan: FlightPlan) -> Iterator[Finding]:
         fade = plan.settings.compensator_limits.fade_m
         yield judged(
             "compensator",
-            f"{item.effect.name} was fitted to rotor heights of {fitted[0]:.2f} to {fitted[1]:.2f} m",
-            warning=f"the mission's limits go beyond, where it fades out over {fade:g} m" if outside else None,
+            fact(Kind.FITTED_HEIGHTS, effect=item.effect.name, low_m=fitted[0], high_m=fitted[1]),
+            warning=fact(Kind.BEYOND_FITTED, fade_m=fade) if outside else None,
         )
 
 
@@ -188,14 +196,15 @@ def _surfaces(plan: FlightPlan) -> Iterator[Finding]:
     effects = [effect for effect in plan.compensator.effects if isinstance(effect, Surfaces)]
     place = plan.mission.place
     for effect in effects:
-        known = ", ".join(effect.surfaces)
+        known = list(effect.surfaces)
         if place is None:
-            warning = f"the mission does not say over which of them it is ({known}): the mean of all is compensated"
-            yield judged("surfaces", known, warning=warning)
+            warning = fact(Kind.PLACE_UNKNOWN, known=known)
+            yield judged("surfaces", fact(Kind.SURFACES, names=known), warning=warning)
             continue
         unknown = [name for name in place.surfaces if name not in effect.surfaces]
-        warning = f"the model knows {known}, not {', '.join(unknown)}: there the mean of all is compensated"
-        yield judged("surfaces", ", ".join(place.surfaces), warning=warning if unknown else None)
+        warning = fact(Kind.SURFACES_UNKNOWN, known=known, unknown=unknown)
+        below = fact(Kind.SURFACES, names=list(place.surfaces))
+        yield judged("surfaces", below, warning=warning if unknown else None)
 
 
 def _ground(demands: Sequence[Demand], vehicle: Vehicle, settings: FlightSettings) -> Finding:
@@ -212,13 +221,13 @@ def _ground(demands: Sequence[Demand], vehicle: Vehicle, settings: FlightSetting
     refused = warning = None
     lowest = min(demand.sample.reference.position_m[2] for demand in demands)
     if gap <= 0.0:
-        refused = "it touches the ground"
+        refused = Fact(Kind.TOUCHES_GROUND)
     elif settings.height_datum == "takeoff" and lowest < settings.rest_height_m:
-        refused = f"z = {lowest:.2f} m is below rest_height_m = {settings.rest_height_m:g}, where the vehicle stands"
+        refused = fact(Kind.BELOW_REST, z_m=lowest, rest_m=settings.rest_height_m)
     elif gap < CLEARANCE_M:
-        warning = f"expected {CLEARANCE_M:g} m or more"
-    text = f"lowest rotor tip {gap:.2f} m above the ground (z = {z:.2f} m, {math.degrees(lean):.0f} deg tilt)"
-    return judged("ground", text, refused=refused, warning=warning)
+        warning = fact(Kind.LITTLE_CLEARANCE, least_m=CLEARANCE_M)
+    found = fact(Kind.CLEARANCE, gap_m=gap, z_m=z, tilt_deg=math.degrees(lean))
+    return judged("ground", found, refused=refused, warning=warning)
 
 
 def _ceiling(mission: Mission, samples: Sequence[Sequence[Sample]], vehicle: Vehicle) -> Iterator[Finding]:
@@ -228,17 +237,17 @@ def _ceiling(mission: Mission, samples: Sequence[Sequence[Sample]], vehicle: Veh
     guard = mission.limits.max_z_m + mission.limits.margin_m
     refused = warning = None
     if highest > vehicle.ceiling_m - vehicle.rotor.radius_m:
-        refused = f"expected a rotor radius ({vehicle.rotor.radius_m:g} m) or more below it"
+        refused = fact(Kind.NEAR_CEILING, radius_m=vehicle.rotor.radius_m)
     elif guard + vehicle.rotor_height_m > vehicle.ceiling_m:
-        warning = f"the guard ends a climb at z = {guard:g} m (max_z_m + margin_m), which is above it"
-    text = f"rotors up to {highest:.2f} m, ceiling at {vehicle.ceiling_m:g} m"
-    yield judged("ceiling", text, refused=refused, warning=warning)
+        warning = fact(Kind.GUARD_ABOVE_CEILING, guard_m=guard)
+    found = fact(Kind.CEILING, highest_m=highest, ceiling_m=vehicle.ceiling_m)
+    yield judged("ceiling", found, refused=refused, warning=warning)
 
 
 def _fence(mission: Mission, samples: Sequence[Sample]) -> Finding:
     farthest = max(math.hypot(*sample.reference.position_m[:2]) for sample in samples)
     fence = mission.limits.max_distance_m + mission.limits.margin_m
-    return judged("fence", f"{farthest:.2f} m from take-off at most; beyond {fence:g} m quadctl lands")
+    return judged("fence", fact(Kind.FENCE, farthest_m=farthest, fence_m=fence))
 
 
 def _speed(demands: Sequence[Demand], plan: FlightPlan) -> Finding:
@@ -250,7 +259,7 @@ def _speed(demands: Sequence[Demand], plan: FlightPlan) -> Finding:
     climb = max(max(0.0, sample.reference.velocity_m_s[2]) for sample in samples)
     sink = max(max(0.0, -sample.reference.velocity_m_s[2]) for sample in samples)
     lags = [
-        f"the controller flies at most {name} = {limit:g} m/s and falls behind {speed:.2f} m/s"
+        fact(Kind.FALLS_BEHIND, name=name, limit_m_s=limit, speed_m_s=speed)
         for name, speed, limit in (
             ("max_horizontal_m_s", level, controller.max_horizontal_m_s),
             ("max_up_m_s", climb, controller.max_up_m_s),
@@ -258,13 +267,19 @@ def _speed(demands: Sequence[Demand], plan: FlightPlan) -> Finding:
         )
         if speed > limit + 1e-6
     ]
-    near = f"closer than {1.0 - SPEED_MARGIN:.0%} to the guard" if top > SPEED_MARGIN * guard else None
+    near = fact(Kind.NEAR_SPEED_GUARD, margin=1.0 - SPEED_MARGIN) if top > SPEED_MARGIN * guard else None
     return judged(
         "speed",
-        f"up to {top:.2f} m/s (climb {climb:.2f}, descent {sink:.2f}) {place(plan.mission, fastest.time_s)}; above "
-        f"{guard:g} m/s quadctl lands",
-        refused="the guard would end the mission" if top >= guard else None,
-        warning="; ".join(lags) or near,
+        fact(
+            Kind.SPEED,
+            top_m_s=top,
+            climb_m_s=climb,
+            descent_m_s=sink,
+            most_m_s=guard,
+            **place(plan.mission, fastest.time_s),
+        ),
+        refused=Fact(Kind.SPEED_BEYOND_GUARD) if top >= guard else None,
+        warning=fact(Kind.SEVERAL, facts=lags) if lags else near,
     )
 
 
@@ -274,11 +289,11 @@ def _tilt(demands: Sequence[Demand], plan: FlightPlan) -> Finding:
     limit, guard = plan.settings.controller.max_tilt_deg, plan.settings.guards.max_tilt_deg
     refused = warning = None
     if limit >= guard:
-        refused = "the controller may lean further than the guard allows, expected a guard above its limit"
+        refused = Fact(Kind.TILT_BEYOND_GUARD)
     elif top > limit:
-        warning = "the controller leans less and falls behind"
-    reach = f"the controller leans {limit:g} deg at most; above {guard:g} deg quadctl hands over to the autopilot"
-    return judged("tilt", f"up to {top:.0f} deg {where}, {reach}", refused=refused, warning=warning)
+        warning = Fact(Kind.LEANS_LESS)
+    found = fact(Kind.TILT, top_deg=top, limit_deg=limit, guard_deg=guard, **where)
+    return judged("tilt", found, refused=refused, warning=warning)
 
 
 def _thrust(demands: Sequence[Demand], plan: FlightPlan) -> Finding:
@@ -288,13 +303,20 @@ def _thrust(demands: Sequence[Demand], plan: FlightPlan) -> Finding:
     throttle = throttle_for_thrust(peak.thrust_n, vehicle, high=math.inf)
     refused = warning = None
     if share > 1.0 or throttle > controller.max_throttle:
-        refused = f"the rotors give {vehicle.max_thrust_n:.1f} N, max_throttle is {controller.max_throttle:g}"
+        refused = fact(Kind.TOO_WEAK, most_n=vehicle.max_thrust_n, max_throttle=controller.max_throttle)
     elif share > THRUST_MARGIN:
-        warning = f"more than {THRUST_MARGIN:.0%} leaves little for attitude control"
+        warning = fact(Kind.LITTLE_THRUST, margin=THRUST_MARGIN)
     return judged(
         "thrust",
-        f"up to {peak.thrust_n:.1f} N of {vehicle.max_thrust_n:.1f} N ({share:.0%}, hover {hover:.0%}), "
-        f"throttle {throttle:.2f}, {place(plan.mission, peak.sample.time_s)}",
+        fact(
+            Kind.THRUST,
+            thrust_n=peak.thrust_n,
+            most_n=vehicle.max_thrust_n,
+            share=share,
+            hover=hover,
+            throttle=throttle,
+            **place(plan.mission, peak.sample.time_s),
+        ),
         refused=refused,
         warning=warning,
     )
@@ -309,8 +331,8 @@ def _band(demands: Sequence[Demand], settings: FlightSettings) -> Iterator[Findi
     cut = high >= 1.0 + band - 1e-9 or low <= 1.0 - band + 1e-9
     yield judged(
         "compensator",
-        f"thrust ratio {low:.3f} to {high:.3f} on the way, limited to {1.0 - band:g} to {1.0 + band:g}",
-        warning="it asks for more than the limit" if cut else None,
+        fact(Kind.RATIO, low=low, high=high, least=1.0 - band, most=1.0 + band),
+        warning=Fact(Kind.RATIO_CUT) if cut else None,
     )
 
 
@@ -319,9 +341,7 @@ def _guards(guards: GuardLimits) -> Iterator[Finding]:
     parts = {"": guards, "continuity.": guards.continuity, "following.": guards.following}
     off = [name for where, limits in parts.items() for name in _turned_off(limits, where)]
     if off:
-        yield judged(
-            "guards", f"turned off: {', '.join(off)}", warning="each is 0, which is for tests without propellers"
-        )
+        yield judged("guards", fact(Kind.GUARDS_OFF, names=off), warning=Fact(Kind.FOR_THE_BENCH))
 
 
 def _turned_off(limits: Settings, where: str) -> list[str]:
@@ -332,17 +352,17 @@ def _turned_off(limits: Settings, where: str) -> list[str]:
 
 def _battery(mission: Mission, vehicle: Vehicle, settings: FlightSettings) -> Finding:
     limit_v, endurance_s = settings.guards.min_battery_v, vehicle.endurance_s
-    text = f"{mission.duration_s:.0f} s of flight"
-    if endurance_s is not None:
-        text += f", the vehicle hovers for {endurance_s:g} s"
-        if mission.duration_s > endurance_s:
-            return judged("battery", text, refused="it does not last")
-        if mission.duration_s > ENDURANCE_MARGIN * endurance_s:
-            return judged("battery", text, warning=f"less than {1.0 - ENDURANCE_MARGIN:.0%} is left")
-    objections = []
-    if limit_v == 0.0:
-        objections.append("its voltage is not guarded (guards.min_battery_v is 0)")
+    flight = {"duration_s": mission.duration_s, "endurance_s": endurance_s}
+    if endurance_s is not None and mission.duration_s > endurance_s:
+        return judged("battery", fact(Kind.ENDURANCE, **flight), refused=Fact(Kind.DOES_NOT_LAST))
+    if endurance_s is not None and mission.duration_s > ENDURANCE_MARGIN * endurance_s:
+        little = fact(Kind.LITTLE_BATTERY, margin=1.0 - ENDURANCE_MARGIN)
+        return judged("battery", fact(Kind.ENDURANCE, **flight), warning=little)
+    objections = [] if limit_v else [Fact(Kind.VOLTAGE_UNGUARDED)]
     if endurance_s is None:
-        objections.append("how long it lasts is not known (endurance_s in the vehicle file)")
-    guarded = f", lands below {limit_v:g} V" if limit_v else ""
-    return judged("battery", text + guarded, warning=" and ".join(objections) or None)
+        objections.append(Fact(Kind.ENDURANCE_UNKNOWN))
+    return judged(
+        "battery",
+        fact(Kind.ENDURANCE, **flight, least_v=limit_v),
+        warning=fact(Kind.BOTH, facts=objections) if objections else None,
+    )

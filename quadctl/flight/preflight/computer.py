@@ -6,8 +6,10 @@ import sys
 from importlib.util import find_spec
 from pathlib import Path
 
+from quadctl.flight.preflight.facts import Kind
 from quadctl.flight.preflight.findings import Finding, judged
 from quadctl.flight.realtime import MEMORY_LOCKED, PRIORITY, REAL_TIME_PRIORITY, privileges
+from quadctl.words import fact
 
 NO_MAVSDK = (
     "MAVSDK, by which it speaks with an autopilot, and which is not installed: there are packages for 64-bit Linux "
@@ -16,7 +18,7 @@ NO_MAVSDK = (
 NO_SIGNALS = (
     "signals by which it lands when its terminal is closed or it is told to end (SIGHUP, SIGTERM): Windows has none"
 )
-RIGHTS = {REAL_TIME_PRIORITY: "real-time priority", MEMORY_LOCKED: "locked memory"}
+LINUX = "Linux gives both"
 CONTAINERS = (Path("/.dockerenv"), Path("/run/.containerenv"))
 """Files by which Docker and Podman mark a container."""
 CGROUP = Path("/proc/self/cgroup")
@@ -40,17 +42,15 @@ def lacking_to_fly() -> str | None:
 def check_computer() -> Finding:
     """Take the rights, and let go of them again; one that is refused is a warning with the line that gives it."""
     with privileges() as used:
-        given = {means: means in used for means in RIGHTS}
-    text = ", ".join(f"{'' if given[means] else 'no '}{right}" for means, right in RIGHTS.items())
-    return judged(
-        "computer", text, warning=None if all(given.values()) else f"a busy computer delays ticks; {remedy()}"
-    )
+        given = {"real_time_priority": REAL_TIME_PRIORITY in used, "locked_memory": MEMORY_LOCKED in used}
+    warning = None if all(given.values()) else fact(Kind.DELAYS, remedy=remedy())
+    return judged("computer", fact(Kind.RIGHTS, **given), warning=warning)
 
 
 def remedy() -> str:
     """One line that gives both rights, for where this process runs: limits of a login do not reach a service."""
     if not sys.platform.startswith("linux"):
-        return "Linux gives both"
+        return LINUX
     if any(mark.exists() for mark in CONTAINERS):
         return CONTAINER
     return SERVICE if _in_service() else LOGIN

@@ -16,6 +16,7 @@ from quadctl.flight.pilot.standing import not_standing, posture
 from quadctl.flight.preflight.attitude import LastFlight, ask_about_attitude
 from quadctl.flight.preflight.changed_parameters import ChangedParameters, left_behind, restore, still_changed
 from quadctl.flight.preflight.check import needed_rate_rad_s
+from quadctl.flight.preflight.facts import Kind
 from quadctl.flight.preflight.findings import Finding, Verdict, judged
 from quadctl.flight.preflight.lateral import ask_about_lateral_force
 from quadctl.flight.preflight.plan import FlightPlan
@@ -24,9 +25,8 @@ from quadctl.flight.realtime import run
 from quadctl.state import VehicleState
 from quadctl.thrust_chain.chain import TABLE_TILT_DEG, Addition
 from quadctl.vehicle import Vehicle
+from quadctl.words import Fact, fact
 
-CHECKS_OFF = "its own checks before arming are off (ARMING_CHECK is 0): it arms whatever it would object to"
-NO_REMOTE = "the autopilot receives no remote control: nobody can take the vehicle with one"
 LOOK_EVERY_S = 0.002
 """Interval at which the state is read: shorter than that of the most frequent message, so that each is counted."""
 
@@ -92,12 +92,7 @@ async def _ask(
 async def _left_behind(autopilot: Autopilot, kept: ChangedParameters, restore_parameters: bool) -> list[Finding]:
     """Findings about the parameters that an earlier flight has changed and did not restore."""
     left = await still_changed(autopilot, kept)
-    of_others = [
-        judged(
-            "parameters", f"{kept.path} keeps old values for another vehicle too ({name}): connect it to restore them"
-        )
-        for name in kept.others
-    ]
+    of_others = [judged("parameters", fact(Kind.OF_ANOTHER, path=str(kept.path), vehicle=name)) for name in kept.others]
     if not restore_parameters:
         named = [Finding(Verdict.WARNING, "parameters", left_behind(name, change)) for name, change in left.items()]
         return named + of_others
@@ -105,7 +100,7 @@ async def _left_behind(autopilot: Autopilot, kept: ChangedParameters, restore_pa
     await restore(autopilot, left, kept, said.append)
     unrestored = kept.read()
     restored = [
-        Finding(Verdict.WARNING if name in unrestored else Verdict.OK, "parameters", sentence)
+        Finding(Verdict.WARNING if name in unrestored else Verdict.OK, "parameters", fact(Kind.TOLD, text=sentence))
         for name, sentence in zip(left, said, strict=True)
     ]
     return restored + of_others
@@ -122,15 +117,15 @@ async def inspect_autopilot(
     try:
         await autopilot.request_telemetry()
     except FlightError as error:
-        return [Finding(Verdict.REFUSED, "messages", str(error))]
+        return [Finding(Verdict.REFUSED, "messages", fact(Kind.TOLD, text=str(error)))]
     await _ready(autopilot, plan.settings.guards)
     with suppress(FlightError):  # an autopilot that does not answer this is refused for what it lacks
         await autopilot.run_checks()
     counted = await _listen(autopilot, seconds)
     state = autopilot.state()
     return [
-        judged("autopilot", autopilot.description),
-        *(Finding(Verdict.WARNING, "messages", warning) for warning in autopilot.warnings),
+        judged("autopilot", fact(Kind.TOLD, text=autopilot.description)),
+        *(Finding(Verdict.WARNING, "messages", fact(Kind.TOLD, text=warning)) for warning in autopilot.warnings),
         *_messages(counted, state, plan),
         _estimator(state, plan),
         _standing(state, plan),
@@ -151,7 +146,7 @@ def thrust_findings(additions: Sequence[Addition]) -> list[Finding]:
     width = max((len(addition.parameters) for addition in additions), default=0)
     heading = f"{'your autopilot adds':{width}} at hover  at {TABLE_TILT_DEG:g} deg"
     rows = [f"{a.parameters:{width}} {a.at_hover:+8.1%} {a.at_tilt:+10.1%}  {a.remark}" for a in additions]
-    return [judged("thrust chain", text) for text in (heading, *rows)]
+    return [judged("thrust chain", fact(Kind.TOLD, text=text)) for text in (heading, *rows)]
 
 
 async def _ready(autopilot: Autopilot, guards: GuardLimits) -> None:
@@ -188,68 +183,65 @@ def _messages(counted: Counted, state: VehicleState, plan: FlightPlan) -> Iterat
         rate, oldest_s = counted.rate_hz(part), counted.oldest_s.get(part, math.inf)
         refused = warning = None
         if rate == 0.0:
-            refused = "none came"
+            refused = Fact(Kind.NONE_CAME)
         elif oldest_s > allowed_s:
-            refused = f"the guard hands over at max_state_age_s = {allowed_s:g}"
+            refused = fact(Kind.TOO_OLD, most_s=allowed_s)
         elif rate < wanted_hz:
-            warning = f"control runs at {wanted_hz:g} Hz"
-        text = f"{part} at {rate:.0f} Hz, up to {1e3 * oldest_s:.0f} ms old"
-        yield judged("messages", text, refused=refused, warning=warning)
+            warning = fact(Kind.TOO_RARE, wanted_hz=wanted_hz)
+        found = fact(Kind.MESSAGES, part=part, rate_hz=rate, oldest_ms=1e3 * oldest_s)
+        yield judged("messages", found, refused=refused, warning=warning)
     rpm_hz = counted.rate_hz("rpm")
-    text, lacking = f"rotor speeds at {rpm_hz:.0f} Hz", None
+    lacking = None
     if rpm_hz == 0.0:
-        lacking = "the lab will have to take thrust from the throttle"
+        lacking = Fact(Kind.NO_ROTOR_SPEEDS)
     elif state.rotor_rpm and not any(rpm > 0.0 for rpm in state.rotor_rpm):
-        lacking = "all are zero, so it will show when the motors turn if they are measured"
-    yield judged("messages", text, warning=lacking)
+        lacking = Fact(Kind.ALL_ZERO)
+    yield judged("messages", fact(Kind.ROTOR_SPEEDS, rate_hz=rpm_hz), warning=lacking)
 
 
 def _estimator(state: VehicleState, plan: FlightPlan) -> Finding:
-    known = [f"{std_m:.2f} m" for std_m in (state.horizontal_std_m, state.vertical_std_m) if math.isfinite(std_m)]
-    stated = f", standard deviation {' and '.join(known)}" if known else ""
-    text = f"attitude, velocity and position{stated}"
+    known = [std_m for std_m in (state.horizontal_std_m, state.vertical_std_m) if math.isfinite(std_m)]
     found = defect(state, plan.settings.guards)
-    return judged("estimator", text, refused=found.reason if found else None)
+    return judged("estimator", fact(Kind.ESTIMATOR, std_m=known), refused=found.reason if found else None)
 
 
 def _standing(state: VehicleState, plan: FlightPlan) -> Finding:
-    unseen = None if state.landed else "the autopilot does not think that it has landed"
-    refused = not_standing(state, plan.settings.height_datum)
-    return judged("standing", posture(state), refused=refused, warning=unseen)
+    unseen = None if state.landed else Fact(Kind.NOT_LANDED)
+    return judged("standing", posture(state), refused=not_standing(state, plan.settings.height_datum), warning=unseen)
 
 
 def _texts(state: VehicleState) -> Iterator[Finding]:
     """Texts of the autopilot, each once."""
     for text in dict.fromkeys(text._replace(received_s=0.0) for text in state.texts):
-        yield Finding(Verdict.WARNING if text.grave else Verdict.OK, "autopilot", str(text))
+        yield Finding(Verdict.WARNING if text.grave else Verdict.OK, "autopilot", fact(Kind.TOLD, text=str(text)))
 
 
 def _mode(state: VehicleState) -> Finding:
-    armed = "armed" if state.armed else "disarmed"
-    refused = "expected a vehicle that is disarmed" if state.armed else None
+    refused = Fact(Kind.ARMED) if state.armed else None
     if refused is None and not state.ready_to_arm:
-        reasons = f" ({'; '.join(state.why_not_ready)})" if state.why_not_ready else ""
-        refused = f"its own checks do not pass{reasons}: it would not arm"
-    unknown = None if state.tells_readiness else "in this mode it does not say if it would arm: choose another mode"
+        refused = fact(Kind.NOT_READY, reasons=state.why_not_ready)
+    unknown = None if state.tells_readiness else Fact(Kind.READINESS_UNTOLD)
     if state.checks_off:
-        unknown = CHECKS_OFF
-    return judged("mode", f"{state.mode or 'unknown'}, {armed}", refused=refused, warning=unknown)
+        unknown = Fact(Kind.CHECKS_OFF)
+    return judged("mode", fact(Kind.MODE, mode=state.mode, armed=state.armed), refused=refused, warning=unknown)
 
 
 def _battery(state: VehicleState, plan: FlightPlan) -> Finding:
     limit_v = plan.settings.guards.min_battery_v
     if math.isnan(state.battery_v):
-        guarded = "guards.min_battery_v needs it" if limit_v else None
-        return judged("battery", "voltage unknown", refused=guarded, warning="the autopilot does not tell it")
-    low = f"expected {limit_v:g} V or more" if state.battery_v < limit_v else None
-    known = f", {100.0 * state.battery_remaining:.0f} % left" if math.isfinite(state.battery_remaining) else ""
-    return judged("battery", f"{state.battery_v:.2f} V{known}", refused=low or state.why_battery_empty)
+        guarded = Fact(Kind.GUARD_NEEDS_IT) if limit_v else None
+        return judged("battery", Fact(Kind.VOLTAGE_UNKNOWN), refused=guarded, warning=Fact(Kind.UNTOLD))
+    low = fact(Kind.TOO_LOW, least_v=limit_v) if state.battery_v < limit_v else None
+    if low is None and state.why_battery_empty is not None:
+        low = fact(Kind.TOLD, text=state.why_battery_empty)
+    left = 100.0 * state.battery_remaining if math.isfinite(state.battery_remaining) else None
+    return judged("battery", fact(Kind.VOLTAGE, battery_v=state.battery_v, left_percent=left), refused=low)
 
 
 def _remote(state: VehicleState) -> Iterator[Finding]:
     """Warning of a vehicle that nobody can take with a remote control."""
     if state.remote is False:
-        yield Finding(Verdict.WARNING, "remote", NO_REMOTE)
+        yield Finding(Verdict.WARNING, "remote", Fact(Kind.NO_REMOTE))
 
 
 async def _parameters(autopilot: Autopilot, vehicle: Vehicle, without_failsafe: bool) -> list[Finding]:
@@ -263,18 +255,20 @@ async def advisable_parameters(autopilot: Autopilot, vehicle: Vehicle) -> list[F
     names = [check.parameter for check in autopilot.firmware.checks]
     values = await autopilot.parameters(names)
     if names and not values:
-        return [judged("parameters", ", ".join(names), warning="the autopilot tells none of them")]
+        none = fact(Kind.PARAMETER, said=", ".join(names))
+        return [judged("parameters", none, warning=Fact(Kind.NONE_TOLD))]
     found = [(check, values[check.parameter]) for check in autopilot.firmware.checks if check.parameter in values]
     return [_advised(check, value, vehicle) for check, value in found]
 
 
 def _advised(check: Check, value: float, vehicle: Vehicle) -> Finding:
-    objection = check.objection(value, vehicle)
+    objection = check.objected(value, vehicle)
+    poor = None if objection is None else fact(Kind.TOLD, text=objection)
     return judged(
         "parameters",
-        check.finding(value, vehicle),
-        refused=objection if check.refuses else None,
-        warning=objection,
+        fact(Kind.PARAMETER, name=check.parameter, value=value, said=check.said(value, vehicle)),
+        refused=poor if check.refuses else None,
+        warning=poor,
     )
 
 
@@ -282,8 +276,9 @@ def _required(need: Requirement, values: Mapping[str, float], without_failsafe: 
     """Finding about a parameter that `quadctl fly` refuses to fly without, or sets with --set-params."""
     lenient = need.advice or (need.failsafe and without_failsafe)
     if need.parameter not in values:
-        unknown = "the autopilot does not tell it"
-        return judged("parameters", need.parameter, refused=None if lenient else unknown, warning=unknown)
+        unknown, untold = Fact(Kind.UNTOLD), fact(Kind.PARAMETER, name=need.parameter, said=need.parameter)
+        return judged("parameters", untold, refused=None if lenient else unknown, warning=unknown)
     value = values[need.parameter]
-    problem = None if need.met(value) else f"expected {need.to_meet(value):.7g} (--set-params does it): {need.because}"
-    return judged("parameters", need.said(value), refused=None if lenient else problem, warning=problem)
+    problem = None if need.met(value) else fact(Kind.NOT_MET, expected=need.to_meet(value), because=need.because)
+    found = fact(Kind.PARAMETER, name=need.parameter, value=value, said=need.said(value))
+    return judged("parameters", found, refused=None if lenient else problem, warning=problem)

@@ -4,9 +4,11 @@ import math
 from collections.abc import Iterator
 
 from quadctl.flight.autopilot.port import Autopilot
+from quadctl.flight.preflight.facts import Kind
 from quadctl.flight.preflight.findings import Finding, judged
 from quadctl.flight.preflight.plan import FlightPlan
 from quadctl.vehicle import Vehicle
+from quadctl.words import Fact, fact
 
 TOPIC = "actuation"
 MAX_AXIS_DIFFERENCE_DEG = 5.0
@@ -20,18 +22,13 @@ def check_rotors(plan: FlightPlan) -> Iterator[Finding]:
     if plan.settings.controller.actuation != "full":
         return
     reach_n = allocation.lateral_reach_n(vehicle.weight_n)
-    text = f"full, lateral force up to {reach_n:.1f} N in hover ({reach_n / vehicle.weight_n:.0%} of the weight)"
-    refused = None
+    found, refused = fact(Kind.LATERAL, reach_n=reach_n, share=reach_n / vehicle.weight_n), None
     if not any(rotor.cant_deg or rotor.dihedral_deg for rotor in vehicle.rotors):
-        text = "full"
-        refused = f"lateral force is asked of upright rotors, expected actuation: tilt, as '{vehicle.name}' tilts none"
+        found, refused = Fact(Kind.FULL), fact(Kind.UPRIGHT, vehicle=vehicle.name)
     elif not allocation.fully_actuated:
-        text = "full"
-        refused = (
-            f"the rotors of '{vehicle.name}' give force and moment in {allocation.rank} independent directions, "
-            "expected 6 (neighbours that cant to opposite sides), or actuation: tilt"
-        )
-    yield judged(TOPIC, text, refused=refused, warning=None if reach_n else "hover takes all that the rotors give")
+        found = Fact(Kind.FULL)
+        refused = fact(Kind.TOO_FEW_DIRECTIONS, vehicle=vehicle.name, rank=allocation.rank)
+    yield judged(TOPIC, found, refused=refused, warning=None if reach_n else Fact(Kind.NO_RESERVE))
 
 
 async def ask_about_lateral_force(plan: FlightPlan, autopilot: Autopilot) -> list[Finding]:
@@ -40,29 +37,24 @@ async def ask_about_lateral_force(plan: FlightPlan, autopilot: Autopilot) -> lis
         return []
     names = autopilot.firmware.rotor_axis_parameters
     if names is None:
-        refused = "it has no setpoint of lateral force and would fly without it, expected PX4, or actuation: tilt"
-        return [judged(TOPIC, f"full on {autopilot.description}", refused=refused)]
+        full = fact(Kind.FULL_ON, autopilot=autopilot.description)
+        return [judged(TOPIC, full, refused=Fact(Kind.NO_LATERAL_SETPOINT))]
     vehicle = plan.body.vehicle
     by_rotor = [names(rotor) for rotor in range(vehicle.n_rotors)]
     values = await autopilot.parameters(["CA_AIRFRAME", *(name for axis in by_rotor for name in axis)])
-    return [judged(TOPIC, "control allocation of the autopilot", refused=_unlike(vehicle, by_rotor, values))]
+    return [judged(TOPIC, Fact(Kind.ALLOCATION), refused=_unlike(vehicle, by_rotor, values))]
 
 
-def _unlike(vehicle: Vehicle, by_rotor: list[tuple[str, str, str]], values: dict[str, float]) -> str | None:
+def _unlike(vehicle: Vehicle, by_rotor: list[tuple[str, str, str]], values: dict[str, float]) -> Fact | None:
     """Difference of the autopilot's rotors from those of the vehicle file, or None."""
     if missing := [name for name in ("CA_AIRFRAME", *sum(by_rotor, ())) if name not in values]:
-        return f"it does not tell {missing[0]}, expected the axes of all {vehicle.n_rotors} rotors"
+        return fact(Kind.AXES_UNTOLD, name=missing[0], rotors=vehicle.n_rotors)
     if values["CA_AIRFRAME"] != 0.0:
-        return (
-            f"CA_AIRFRAME is {values['CA_AIRFRAME']:g}, expected 0 (multirotor), whose rotors are mixed by their axes"
-        )
+        return fact(Kind.NO_MULTIROTOR, airframe=values["CA_AIRFRAME"])
     for number, (rotor, names) in enumerate(zip(vehicle.rotors, by_rotor, strict=True), start=1):
         theirs = [values[name] for name in names]
         along = sum(a * b for a, b in zip(theirs, rotor.axis, strict=True)) / max(math.hypot(*theirs), 1e-9)
         if math.degrees(math.acos(min(max(along, -1.0), 1.0))) > MAX_AXIS_DIFFERENCE_DEG:
-            found, expected = (", ".join(f"{part:.3f}" for part in axis) for axis in (theirs, rotor.axis))
-            return (
-                f"{names[0]}, _AY, _AZ are {found}, expected {expected}, the axis of rotor {number} of "
-                f"'{vehicle.name}': it would mix lateral force for other rotors"
-            )
+            axes = {"found": theirs, "expected": rotor.axis}
+            return fact(Kind.OTHER_AXIS, name=names[0], **axes, rotor=number, vehicle=vehicle.name)
     return None

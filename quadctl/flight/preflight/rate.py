@@ -2,16 +2,19 @@
 
 import math
 from collections.abc import Sequence
+from typing import Any
 
 from quadctl.control import ControllerSettings
 from quadctl.control.lags import GAIN_TIMES_LAG
 from quadctl.flight.autopilot.port import Autopilot
+from quadctl.flight.preflight.facts import Kind
 from quadctl.flight.preflight.findings import Finding, judged
 from quadctl.flight.preflight.plan import FlightPlan
 from quadctl.frames import GRAVITY_M_S2
 from quadctl.missions import Mission
 from quadctl.state import Vec3
 from quadctl.vehicle import AttitudeResponse
+from quadctl.words import Fact, fact
 
 TOPIC = "rate"
 USUAL_LAG_S = GAIN_TIMES_LAG / ControllerSettings().velocity_horizontal.p
@@ -30,15 +33,15 @@ def check_rate(axes: Axes, plan: FlightPlan) -> Finding:
     """
     response = plan.body.vehicle.attitude_response
     rate, time_s = needed_rate(axes, plan)
-    text = f"the thrust axis turns by up to {math.degrees(rate):.0f} deg/s {place(plan.mission, time_s)}"
+    turns = {"rate_deg_s": math.degrees(rate), **place(plan.mission, time_s)}
     if response is None:
-        return judged(TOPIC, text)
+        return judged(TOPIC, fact(Kind.RATE, **turns))
     off_m = left_by(response) * GRAVITY_M_S2 * max(math.tan(_tilt_rad(axis)) for _, axis in axes)
     allowed_m = plan.mission.limits.tolerance_m
     return judged(
         TOPIC,
-        f"{text}, the attitude's answer leaves up to {off_m:.2f} m",
-        warning=f"expected at most limits.tolerance_m = {allowed_m:g} m" if off_m > allowed_m else None,
+        fact(Kind.RATE, **turns, left_m=off_m),
+        warning=fact(Kind.BEYOND_TOLERANCE, most_m=allowed_m) if off_m > allowed_m else None,
     )
 
 
@@ -68,9 +71,9 @@ def left_by(response: AttitudeResponse) -> float:
     return max(abs(2.0 * axis.damping**2 - 1.0) / axis.frequency_rad_s**2 for axis in (response.roll, response.pitch))
 
 
-def place(mission: Mission, time_s: float) -> str:
-    """Time and phase, in words: at 12.4 s (loop)."""
-    return f"at {time_s:.1f} s ({mission.phase_at(time_s).name})"
+def place(mission: Mission, time_s: float) -> dict[str, Any]:
+    """Facts of a place in a mission: time and phase."""
+    return {"time_s": time_s, "phase": mission.phase_at(time_s).name}
 
 
 async def ask_about_rate(needed_rad_s: float, autopilot: Autopilot) -> list[Finding]:
@@ -80,9 +83,8 @@ async def ask_about_rate(needed_rad_s: float, autopilot: Autopilot) -> list[Find
 
 
 def _within(name: str, most: float, needed: float) -> Finding:
-    behind = "the autopilot turns slower, and the vehicle falls behind: --time-scale slows the mission"
-    text = f"{name} is {most:g} deg/s, the mission needs {needed:.0f}"
-    return judged(TOPIC, text, warning=behind if needed > most else None)
+    limit = fact(Kind.RATE_LIMIT, name=name, most_deg_s=most, needed_deg_s=needed)
+    return judged(TOPIC, limit, warning=Fact(Kind.TURNS_SLOWER) if needed > most else None)
 
 
 def _tilt_rad(axis: Vec3) -> float:

@@ -214,7 +214,8 @@ class Recorder:
     def _note(self, tick: Tick) -> None:
         for event in tick.events:
             told = {"time_s": round(event.time_s, 3), "what": event.what, "answer": event.answer}
-            self._events.append(told | ({"guard": event.guard} if event.guard else {}))
+            known = {"guard": event.guard, "kind": event.kind}
+            self._events.append(told | {name: value for name, value in known.items() if value})
 
     def _write_meta_into_room(self, ended: str) -> None:
         """Write the meta file into the room that was kept for it on a disk that is full by now."""

@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 
 from quadctl.flight.autopilot.link_clock import LinkClock
 from quadctl.flight.pilot.continuity import Continuity, ContinuityLimits
+from quadctl.flight.pilot.reasons import Kind, Reason
 from quadctl.frames import quaternion_from_euler
 from quadctl.state import NO_VECTOR, Vec3, VehicleState
 
@@ -38,7 +39,7 @@ def state(
     )
 
 
-def first_defect(states: Iterable[VehicleState], limits: ContinuityLimits = LIMITS) -> tuple[float, str] | None:
+def first_defect(states: Iterable[VehicleState], limits: ContinuityLimits = LIMITS) -> tuple[float, Reason] | None:
     watch = Continuity(limits)
     for s in states:
         problem = watch.defect(s)
@@ -102,7 +103,7 @@ def test_the_same_values_for_longer_than_the_limit_are_frozen(part: str) -> None
     found = first_defect(stuck(s, i) for i, s in enumerate(frozen))
     assert found is not None
     assert found[0] == pytest.approx(49 * TICK_S + 0.5, abs=1.5 * TICK_S)
-    assert f"the {part} is frozen" in found[1]
+    assert (found[1].kind, found[1].facts["part"]) == (Kind.FROZEN, part)
     assert first_defect((stuck(s, i) for i, s in enumerate(frozen)), ContinuityLimits(max_frozen_s=0.0)) is None
 
 
@@ -110,7 +111,7 @@ def test_an_attitude_without_rates_can_be_frozen_too() -> None:
     still = (replace(s, rates_rad_s=NO_VECTOR, attitude=(1.0, 0.0, 0.0, 0.0)) for s in moving(3.0))
     found = first_defect(still)
     assert found is not None
-    assert "the attitude is frozen" in found[1]
+    assert (found[1].kind, found[1].facts["part"]) == (Kind.FROZEN, "attitude")
 
 
 def test_messages_that_stop_are_not_frozen_but_old() -> None:

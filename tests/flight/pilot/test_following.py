@@ -10,6 +10,7 @@ import pytest
 
 from quadctl.flight.pilot.following import Following, FollowingLimits
 from quadctl.flight.pilot.guards import GuardLimits
+from quadctl.flight.pilot.reasons import Kind, Reason, reason
 from quadctl.flight.pilot.settings import load_flight_settings
 from quadctl.flight.preflight.preparation import prepare_flight
 from quadctl.frames import quaternion_from_euler
@@ -36,21 +37,25 @@ def first_defect(
     tilt_deg: float = 0.0,
     seconds: float = 5.0,
     limits: FollowingLimits | None = None,
-) -> tuple[float, str] | None:
-    """When the same tick, repeated, is objected to, and with which words; it follows one that is in order."""
+) -> tuple[float, Reason] | None:
+    """When the same tick, repeated, is objected to, and why; it follows one that is in order."""
     following = Following(limits or FollowingLimits(), CONTROLLER, VEHICLE)
     assert following.defect(FLYING, THERE, AttitudeTarget(LEVEL, HOVER), 0.0) is None
     target = AttitudeTarget(quaternion_from_euler(math.radians(tilt_deg), 0.0, 0.0), throttle)
     for i in range(round(seconds / TICK_S)):
         now_s = i * TICK_S
-        words = following.defect(replace(state, time_s=now_s), setpoint, target, 0.0)
-        if words is not None:
-            return now_s, words
+        why = following.defect(replace(state, time_s=now_s), setpoint, target, 0.0)
+        if why is not None:
+            return now_s, why
     return None
 
 
 def at(north: float = 0.0, up: float = 1.0, **changes: Any) -> VehicleState:
     return replace(FLYING, position_ned_m=(north, 0.0, -up), **changes)
+
+
+def astray(part: str, error_m: float, most_m: float) -> Reason:
+    return reason(Kind.ASTRAY, part=part, error_m=pytest.approx(error_m), most_m=most_m, longest_s=1.0)
 
 
 def thrust(share: float) -> float:
@@ -63,16 +68,16 @@ def test_a_flight_on_its_reference_is_let_through() -> None:
 
 
 @pytest.mark.parametrize(
-    ("state", "words"),
+    ("state", "expected"),
     [
-        (at(north=2.01), "the horizontal error has been over 2 m"),
-        (at(up=1.76), "the vertical error has been over 0.75"),
+        (at(north=2.01), astray("horizontal", 2.01, 2.0)),
+        (at(up=1.76), astray("vertical", 0.76, 0.75)),
     ],
 )
-def test_a_position_error_beyond_its_limit_for_its_time_is_a_breach(state: VehicleState, words: str) -> None:
+def test_a_position_error_beyond_its_limit_for_its_time_is_a_breach(state: VehicleState, expected: Reason) -> None:
     found = first_defect(state)
     assert found is not None
-    assert words in found[1]
+    assert found[1] == expected
     assert found[0] == pytest.approx(1.0, abs=0.05)
 
 
@@ -92,7 +97,7 @@ def test_the_way_back_to_a_position_that_a_run_by_velocity_has_missed_is_given_t
     found = {}
     for i in range(400):
         found[i * TICK_S] = following.defect(replace(at(north=-3.0), time_s=i * TICK_S), THERE, target, 0.0)
-    assert next(time_s for time_s, words in found.items() if words) == pytest.approx(3.0 / 0.5 + 1.0, abs=0.05)
+    assert next(time_s for time_s, why in found.items() if why) == pytest.approx(3.0 / 0.5 + 1.0, abs=0.05)
 
 
 def test_a_jump_of_the_reference_gives_the_vehicle_time_to_make_up_for_it() -> None:
@@ -105,7 +110,7 @@ def test_little_thrust_without_a_fall_is_contact_with_the_ground() -> None:
     found = first_defect(throttle=thrust(0.6))
     assert found is not None
     assert found[0] == pytest.approx(1.52, abs=0.05)
-    assert found[1] == "the vehicle touches the ground: thrust carries 60% of its weight, and it does not fall"
+    assert found[1] == reason(Kind.CARRIED, share=pytest.approx(0.6))
     assert first_defect(throttle=thrust(0.7)) is None  # as in a strong ground effect
     assert first_defect(replace(FLYING, velocity_ned_m_s=(0.0, 0.0, 0.6)), throttle=thrust(0.6)) is None  # it falls
 
@@ -113,22 +118,22 @@ def test_little_thrust_without_a_fall_is_contact_with_the_ground() -> None:
 def test_a_vehicle_that_the_autopilot_calls_landed_touches_the_ground() -> None:
     found = first_defect(replace(FLYING, landed=True))
     assert found is not None
-    assert "the autopilot has called it landed for 1.5 s" in found[1]
+    assert found[1] == reason(Kind.CALLED_LANDED, landed_s=pytest.approx(1.5, abs=0.05))
 
 
 def test_a_vehicle_that_does_not_lift_off_stays_on_the_ground() -> None:
     found = first_defect(at(up=0.05), Setpoint((0.0, 0.0, -0.5), yaw_rad=0.0))
     assert found is not None
-    assert found[1] == "the vehicle stays on the ground: it is at 0.05 m above it, expected 0.50 m"
+    assert found[1] == reason(Kind.NOT_LIFTED, climbed_m=pytest.approx(0.05), wanted_m=pytest.approx(0.5))
 
 
 def test_a_command_that_stays_at_its_limit_is_saturated() -> None:
     leaning = first_defect(tilt_deg=CONTROLLER.max_tilt_deg)
     assert leaning is not None
-    assert "the tilt command has been at its limit of" in leaning[1]
+    assert leaning[1].kind is Kind.TILT_SATURATED
     pushing = first_defect(throttle=CONTROLLER.max_throttle)
     assert pushing is not None
-    assert "the throttle has been at its limit of" in pushing[1]
+    assert pushing[1].kind is Kind.THROTTLE_SATURATED
     assert pushing[0] == pytest.approx(2.02, abs=0.05)
 
 
@@ -213,20 +218,20 @@ def replayed(name: str, limits: FollowingLimits | None = None) -> Iterator[tuple
 
 
 @pytest.mark.parametrize(
-    ("name", "limits", "words", "by_s"),
+    ("name", "limits", "expected", "by_s"),
     [
-        ("px4/figure8_on_the_ground", FollowingLimits(), "the horizontal error has been over 2 m", 25.0),
-        ("px4/figure8_on_the_ground", CONTACT_ONLY, "the vehicle touches the ground: thrust carries", 25.0),
-        ("px4/figure8_on_the_ground", SATURATION_ONLY, "the tilt command has been at its limit of 30 deg", 30.0),
-        ("ardupilot/fault_delay_250ms", FollowingLimits(), "the vertical error has been over 0.75 m", 40.0),
+        ("px4/figure8_on_the_ground", FollowingLimits(), (Kind.ASTRAY, "horizontal"), 25.0),
+        ("px4/figure8_on_the_ground", CONTACT_ONLY, (Kind.CARRIED, ""), 25.0),
+        ("px4/figure8_on_the_ground", SATURATION_ONLY, (Kind.TILT_SATURATED, ""), 30.0),
+        ("ardupilot/fault_delay_250ms", FollowingLimits(), (Kind.ASTRAY, "vertical"), 40.0),
     ],
 )
 def test_a_recorded_flight_that_called_itself_completed_is_ended(
-    name: str, limits: FollowingLimits, words: str, by_s: float
+    name: str, limits: FollowingLimits, expected: tuple[Kind, str], by_s: float
 ) -> None:
     time_s, found = next((time_s, found) for time_s, found, _ in replayed(name, limits) if found is not None)
     assert found is not None
-    assert words in found
+    assert (found.kind, found.facts.get("part", "")) == expected
     assert time_s < by_s
     *_, (_, _, last) = replayed(name)
     assert last.error_rms_m > MissionLimits(max_z_m=1.0).tolerance_m
@@ -239,5 +244,5 @@ def test_a_recorded_flight_that_called_itself_completed_is_ended(
 )  # fmt: skip
 def test_a_recorded_flight_that_followed_its_mission_is_let_through(name: str) -> None:
     found = list(replayed(name))
-    assert [words for _, words, _ in found if words is not None] == []
+    assert [why for _, why, _ in found if why is not None] == []
     assert found[-1][2].error_rms_m < MissionLimits(max_z_m=1.0).tolerance_m

@@ -11,9 +11,11 @@ from quadctl.flight.autopilot.ardupilot import ARDUPILOT
 from quadctl.flight.autopilot.firmware import Firmware
 from quadctl.flight.autopilot.px4 import PX4
 from quadctl.flight.preflight.attitude import LastFlight, ask_about_attitude, check_look_ahead, compare_with_log
+from quadctl.flight.preflight.facts import Kind
 from quadctl.flight.preflight.findings import Finding, Verdict
 from quadctl.flight.preflight.plan import FlightPlan, read_flight
 from quadctl.vehicle import AttitudeResponse, AxisResponse
+from quadctl.words import fact
 from tests.support.places import ROOT
 
 
@@ -52,10 +54,11 @@ def test_lags_agree_within_the_interval_or_a_tick(lag_s: float, half_s: float, t
 
 def test_what_a_flight_without_a_known_lag_gives_is_said() -> None:
     found = compare_with_log(configured(None), LastFlight("last.csv", response(0.25)))
-    assert "configured none: look-ahead is off" in found.text
-    assert "has no attitude_response: look-ahead is off" in check_look_ahead(configured(None)).text
-    assert "no drag in the model: look-ahead is off" in check_look_ahead(configured(response(0.25))).text
-    assert "follows 0.25 s later" in check_look_ahead(configured(response(0.25), drag=True)).text
+    assert (found.verdict, found.fact.facts["configured_s"]) == (Verdict.OK, None)
+    assert check_look_ahead(configured(None)).fact.kind is Kind.NO_RESPONSE
+    assert check_look_ahead(configured(response(0.25))).fact == fact(Kind.NO_DRAG, lag_s=0.25)
+    ahead = check_look_ahead(configured(response(0.25), drag=True)).fact
+    assert ahead == fact(Kind.AHEAD, lag_s=pytest.approx(0.25))
 
 
 def test_a_log_that_shows_no_lag_is_a_warning() -> None:
@@ -84,14 +87,14 @@ def test_a_parameter_that_has_changed_since_the_log_is_told() -> None:
     px4 = Told(PX4, MC_ROLL_P=8.0, MC_PITCH_P=6.5, MPC_THR_HOVER=0.6)
     (changed,) = compared(px4, MC_ROLL_P=6.5, MC_PITCH_P=6.5, MPC_THR_HOVER=0.5)
     assert changed.verdict is Verdict.WARNING
-    assert changed.text.startswith("MC_ROLL_P was 6.5 in last.ulg, is 8: the lag may differ: fly excitation")
+    assert changed.fact == fact(Kind.PARAMETER_CHANGED, name="MC_ROLL_P", was=6.5, log="last.ulg", now=8.0)
     assert px4.asked == ["MC_ROLL_P", "MC_PITCH_P"]  # a name that is not known would be waited for
 
 
 def test_the_same_number_in_single_precision_has_not_changed() -> None:
     (same,) = compared(Told(ARDUPILOT, ATC_INPUT_TC=0.15000000596046448), ATC_INPUT_TC=0.15)
     assert same.verdict is Verdict.OK
-    assert same.text == "1 parameters on which the lag depends are as in last.ulg"
+    assert same.fact == fact(Kind.PARAMETERS_KEPT, parameters=1, log="last.ulg")
 
 
 def test_a_log_without_parameters_is_no_news() -> None:

@@ -346,8 +346,9 @@ def test_a_px4_that_nobody_would_land_after_our_death_is_refused_unless_that_is_
 def test_what_is_judged_of_a_parameter_belongs_to_the_autopilot(tmp_path: Path) -> None:
     patience = Check(
         "ACME_PATIENCE",
-        finding=lambda seconds, _: f"ACME_PATIENCE: waits {seconds:g} s",
-        objection=lambda seconds, _: "expected 1 s" if seconds > 1.0 else None,
+        finding="waits {value:g} s",
+        poor=lambda seconds, _: seconds > 1.0,
+        objection="expected 1 s",
     )
     values = {"ACME_PATIENCE": 3.0, "COM_OF_LOSS_T": 5.0}
     autopilot = FakeAutopilot(STANDING, values=values, requirements=(), firmware=replace(PX4, checks=[patience]))

@@ -12,7 +12,9 @@ import pytest
 
 from quadctl.flight.preflight import computer
 from quadctl.flight.preflight.computer import check_computer
+from quadctl.flight.preflight.facts import Kind
 from quadctl.flight.preflight.findings import Finding, Verdict
+from quadctl.words import fact
 from tests.support.commands import Result
 from tests.support.places import ROOT
 
@@ -44,7 +46,7 @@ def login(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Iterator[Path]:
 
 def test_a_computer_that_gives_both_rights_is_right(monkeypatch: pytest.MonkeyPatch) -> None:
     finding = on_computer("SCHED_FIFO 20", "memory locked", monkeypatch=monkeypatch)
-    assert finding == Finding(Verdict.OK, "computer", "real-time priority, locked memory")
+    assert finding == Finding(Verdict.OK, "computer", fact(Kind.RIGHTS, real_time_priority=True, locked_memory=True))
 
 
 @pytest.mark.parametrize(

@@ -12,11 +12,13 @@ from quadctl.flight.autopilot.ardupilot import ARDUPILOT
 from quadctl.flight.autopilot.firmware import Firmware
 from quadctl.flight.autopilot.px4 import PX4
 from quadctl.flight.preflight.check import check_flight
+from quadctl.flight.preflight.facts import Kind
 from quadctl.flight.preflight.findings import Finding, Verdict
 from quadctl.flight.preflight.lateral import ask_about_lateral_force
 from quadctl.flight.preflight.plan import FlightPlan, read_flight
 from quadctl.sitl.rules.px4 import SimulatedAutopilot
 from quadctl.vehicle import Vehicle, load_vehicle
+from quadctl.words import Fact, fact
 from tests.support.places import ROOT
 
 TILTED = load_vehicle(ROOT / "config" / "vehicles" / "f550_tilted.yaml")
@@ -67,7 +69,7 @@ def test_tilt_is_not_asked_about_lateral_force(tmp_path: Path) -> None:
 def test_lateral_force_of_upright_rotors_is_refused(tmp_path: Path) -> None:
     (finding,) = about_actuation(planned(tmp_path, load_vehicle(UPRIGHT)))
     assert finding.verdict is Verdict.REFUSED
-    assert "lateral force is asked of upright rotors" in finding.text
+    assert finding.objection == fact(Kind.UPRIGHT, vehicle="raptor")
 
 
 def test_rotors_that_lean_without_full_rank_are_refused(tmp_path: Path) -> None:
@@ -75,7 +77,7 @@ def test_rotors_that_lean_without_full_rank_are_refused(tmp_path: Path) -> None:
     inward = Vehicle.model_validate({**TILTED.model_dump(), "rotors": rotors})
     (finding,) = about_actuation(planned(tmp_path, inward))
     assert finding.verdict is Verdict.REFUSED
-    assert "force and moment in 4 independent directions, expected 6" in finding.text
+    assert finding.objection == fact(Kind.TOO_FEW_DIRECTIONS, vehicle="f550_tilted", rank=4)
 
 
 def test_px4_with_the_vehicles_control_allocation_passes(tmp_path: Path) -> None:
@@ -84,20 +86,24 @@ def test_px4_with_the_vehicles_control_allocation_passes(tmp_path: Path) -> None
 
 
 @pytest.mark.parametrize(
-    ("changes", "words"),
+    ("changes", "kind", "facts"),
     [
-        ({"CA_ROTOR2_AX": 0.0, "CA_ROTOR2_AY": 0.0, "CA_ROTOR2_AZ": -1.0}, "the axis of rotor 3 of 'f550_tilted'"),
-        ({"CA_AIRFRAME": 1.0}, "CA_AIRFRAME is 1, expected 0"),
-        ({"CA_ROTOR5_AY": None}, "it does not tell CA_ROTOR5_AY"),
+        ({"CA_ROTOR2_AX": 0.0, "CA_ROTOR2_AY": 0.0, "CA_ROTOR2_AZ": -1.0}, Kind.OTHER_AXIS, {"rotor": 3}),
+        ({"CA_AIRFRAME": 1.0}, Kind.NO_MULTIROTOR, {"airframe": 1.0}),
+        ({"CA_ROTOR5_AY": None}, Kind.AXES_UNTOLD, {"name": "CA_ROTOR5_AY"}),
     ],
 )
-def test_px4_with_other_rotors_is_refused(tmp_path: Path, changes: dict[str, float | None], words: str) -> None:
+def test_px4_with_other_rotors_is_refused(
+    tmp_path: Path, changes: dict[str, float | None], kind: Kind, facts: dict[str, Any]
+) -> None:
     (finding,) = asked(planned(tmp_path, TILTED), PX4, **changes)
     assert finding.verdict is Verdict.REFUSED
-    assert words in finding.text
+    assert finding.objection is not None
+    assert finding.objection.kind is kind
+    assert finding.objection.facts.items() >= facts.items()
 
 
 def test_ardupilot_has_no_such_setpoint_and_is_refused(tmp_path: Path) -> None:
     (finding,) = asked(planned(tmp_path, TILTED), ARDUPILOT)
     assert finding.verdict is Verdict.REFUSED
-    assert "no setpoint of lateral force" in finding.text
+    assert finding.objection == Fact(Kind.NO_LATERAL_SETPOINT)

@@ -14,6 +14,7 @@ from quadctl.flight.autopilot.ardupilot import ARDUPILOT
 from quadctl.flight.autopilot.firmware import Firmware
 from quadctl.flight.autopilot.px4 import PX4
 from quadctl.flight.preflight.check import check_flight, needed_rate_rad_s
+from quadctl.flight.preflight.facts import Kind
 from quadctl.flight.preflight.findings import Finding, Verdict
 from quadctl.flight.preflight.plan import FlightPlan, read_flight
 from quadctl.flight.preflight.rate import ask_about_rate, fastest_turn
@@ -69,20 +70,20 @@ def test_an_axis_that_jumps_turns_within_the_lag() -> None:
 
 def test_each_limit_is_told_with_its_time_and_phase() -> None:
     findings = check_flight(flight("lap_s=3"))
-    assert "(figure8)" in about(findings, "rate").text
+    assert about(findings, "rate").fact.facts["phase"] == "figure8"
     assert about(findings, "tilt").verdict is Verdict.WARNING
     for topic in ("speed", "tilt", "thrust"):
-        assert "(figure8)" in about(findings, topic).text
+        assert about(findings, topic).fact.facts["phase"] == "figure8"
 
 
 def test_a_slow_attitude_leaves_more_than_the_mission_tolerates() -> None:
     """9.81 tan(11.33 deg) = 1.966 m/s2; zeta 2, 2 rad/s: (2 x 4 - 1) / 4 x 1.966 = 3.44 m; 1, 12 rad/s: 0.014 m."""
     slow = about(check_flight(answering(flight(), 2.0, 2.0)), "rate")
     assert slow.verdict is Verdict.WARNING
-    assert "leaves up to 3.44 m" in slow.text
+    assert slow.fact.facts["left_m"] == pytest.approx(3.44, abs=0.005)
     quick = about(check_flight(answering(flight(), 12.0)), "rate")
     assert quick.verdict is Verdict.OK
-    assert "leaves up to 0.01 m" in quick.text
+    assert quick.fact.facts["left_m"] == pytest.approx(0.014, abs=0.001)
 
 
 def test_the_autopilots_own_limit_of_the_rates_is_compared() -> None:
@@ -90,7 +91,9 @@ def test_the_autopilots_own_limit_of_the_rates_is_compared() -> None:
     px4 = Told(PX4, MC_ROLLRATE_MAX=220.0, MC_PITCHRATE_MAX=400.0)
     roll, pitch = asyncio.run(ask_about_rate(needed, px4))
     assert (roll.verdict, pitch.verdict) == (Verdict.WARNING, Verdict.OK)
-    assert roll.text.startswith("MC_ROLLRATE_MAX is 220 deg/s, the mission needs 28")
+    assert roll.fact.kind is Kind.RATE_LIMIT
+    assert (roll.fact.facts["name"], roll.fact.facts["most_deg_s"]) == ("MC_ROLLRATE_MAX", 220.0)
+    assert roll.fact.facts["needed_deg_s"] == pytest.approx(284, abs=6)
     unlimited = Told(ARDUPILOT, ATC_RATE_R_MAX=0.0, ATC_RATE_P_MAX=0.0)
     assert asyncio.run(ask_about_rate(needed, unlimited)) == []
 

@@ -411,8 +411,8 @@ def test_on_a_disk_that_is_really_full_the_end_and_its_reason_are_written(tmp_pa
 
 def test_what_a_guard_answered_is_on_the_disk_before_the_flight_ends(tmp_path: Path) -> None:
     record = recorder(tmp_path)
-    record(tick(0)._replace(events=(Event(1.23456, "the tilt is 60 deg", "hand over", "tilt"),)))
-    said = {"time_s": 1.235, "what": "the tilt is 60 deg", "answer": "hand over", "guard": "tilt"}
+    record(tick(0)._replace(events=(Event(1.23456, "the tilt is 60 deg", "hand over", "tilt", "tilt"),)))
+    said = {"time_s": 1.235, "what": "the tilt is 60 deg", "answer": "hand over", "guard": "tilt", "kind": "tilt"}
     until(lambda: meta_of(record.path)["events"] == [said], "the event does not reach the disk")
     assert meta_of(record.path)["ended"] == "in flight"
     record.close("the tilt is 60 deg")

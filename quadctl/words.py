@@ -1,0 +1,120 @@
+"""Words of facts: the formatter of templates that all tables of words share.
+
+A table maps each kind of fact to a template such as `"the tilt is {tilt_deg:.0f} deg"`; it stands at the edge of its
+room, and nothing but the table makes sentences of the facts.
+"""
+
+import math
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
+from enum import Enum
+from string import Formatter
+from typing import Any, NamedTuple, TypeAlias
+
+Facts: TypeAlias = Mapping[str, Any]
+"""Facts by name, units in the names."""
+NO_FACTS: Facts = {}
+Format: TypeAlias = "Callable[[Any], str] | Mapping[Any, str]"
+"""Words of one value: a function, or all values with their words."""
+Template: TypeAlias = "str | By | When | tuple[Template, ...]"
+"""Text with fields in braces, a choice between such texts, or several in a row."""
+
+
+@dataclass(frozen=True)
+class By:
+    """Template that the value of a fact chooses."""
+
+    fact: str
+    templates: Mapping[Any, Template]
+    otherwise: Template = ""
+    """Template for all other values, and where the fact is absent."""
+
+
+@dataclass(frozen=True)
+class When:
+    """Template where a fact is there and is neither zero nor empty."""
+
+    fact: str
+    then: Template
+    otherwise: Template = ""
+
+
+class Words(Formatter):
+    """Formatter whose fields may name a format of the table, as in `{share:percent}`, or count: `{rows:count row}`."""
+
+    def __init__(self, formats: Mapping[str, Format] | None = None) -> None:
+        self._formats: Mapping[str, Format] = {"list": _list, "and": _and} | dict(formats or {})
+
+    def say(self, template: Template, facts: Facts) -> str:
+        """Fill a template with facts."""
+        if isinstance(template, str):
+            return self.vformat(template, (), facts)
+        if isinstance(template, By):
+            return self.say(template.templates.get(facts.get(template.fact), template.otherwise), facts)
+        if isinstance(template, When):
+            return self.say(template.then if facts.get(template.fact) else template.otherwise, facts)
+        return "".join(self.say(part, facts) for part in template)
+
+    def format_field(self, value: Any, format_spec: str) -> str:
+        if format_spec.startswith("count "):
+            return count(value, format_spec.removeprefix("count "))
+        found = self._formats.get(format_spec)
+        if found is None:
+            return str(super().format_field(value, format_spec))
+        return found[value] if isinstance(found, Mapping) else found(value)
+
+
+class Kinds(Enum):
+    """Base of the kinds of facts of one room, each with the template of its words."""
+
+    def said(self, facts: Facts) -> str:
+        """Words of a fact of this kind; a room with formats of its own overrides it."""
+        return _WORDS.say(self.value, facts)
+
+
+class Fact(NamedTuple):
+    """A fact of one kind, with its figures and names; `str` words it."""
+
+    kind: Kinds
+    facts: Facts = NO_FACTS
+
+    def __str__(self) -> str:
+        return self.kind.said(self.facts)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Form in JSON."""
+        return {"kind": self.kind.name.lower(), "figures": _plain(self.facts)}
+
+
+def fact(kind: Kinds, /, **facts: Any) -> Fact:
+    """Make a fact of its figures and names."""
+    return Fact(kind, facts)
+
+
+def _plain(value: Any) -> Any:
+    """Value as JSON can hold it: null for a number that is not finite, words for what is none of its types."""
+    if isinstance(value, Fact):
+        return value.to_dict()
+    if isinstance(value, Mapping):
+        return {str(name): _plain(part) for name, part in value.items()}
+    if isinstance(value, list | tuple):
+        return [_plain(part) for part in value]
+    if isinstance(value, float):
+        return value if math.isfinite(value) else None
+    return value if value is None or isinstance(value, bool | int | str) else str(value)
+
+
+def _list(values: Iterable[Any]) -> str:
+    return ", ".join(map(str, values))
+
+
+def _and(values: Iterable[Any]) -> str:
+    return " and ".join(map(str, values))
+
+
+def count(n: int, what: str) -> str:
+    """Number of things: `1 row`, `2 rows`."""
+    return f"{n} {what}{'s' if n != 1 else ''}"
+
+
+_WORDS = Words()
