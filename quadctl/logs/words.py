@@ -310,8 +310,8 @@ WORDS: Mapping[Kind, Template] = {
     Kind.HEIGHT_ERROR: By(
         "witness",
         {
-            "range finder": "the estimated height errs near the ground, by up to {largest_m:.2g} m, as a barometer does "
-            "in the rotors' air, against the range finder: this is taken away, in the climb rate too; `quadctl "
+            "range finder": "the estimated height errs near the ground, by up to {largest_m:.2g} m, as a barometer "
+            "does in the rotors' air, against the range finder: this is taken away, in the climb rate too; `quadctl "
             "diagnose --sensors` tells its parameters"
         },
         "the estimated height errs with the square of the speed, by up to {largest_m:.2g} m, as that of a barometer "
