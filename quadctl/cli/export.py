@@ -9,7 +9,7 @@ from rich.table import Table
 
 from quadctl.cli.app import app, console
 from quadctl.cli.inputs import find
-from quadctl.cli.output import JsonOption, print_saved, write_json
+from quadctl.cli.output import JsonOption, print_saved, say, write_json
 from quadctl.cli.overwriting import Reads, Writes, WritesInto
 from quadctl.errors import FlightError, QuadctlError
 from quadctl.files import write_text
@@ -100,7 +100,7 @@ def export(
     if undo:
         from quadctl.export.apply import undo as undo_at
 
-        undo_at(str(link), dialect, kept, _say)
+        undo_at(str(link), dialect, kept, say)
         return
     of_sensors = is_sensor_file(model)
     present: Present | None = None
@@ -132,7 +132,7 @@ def export(
         from quadctl.export.apply import write_parameters
 
         _confirm(yes)
-        write_parameters(str(link), dialect, rows, kept, _say)
+        write_parameters(str(link), dialect, rows, kept, say)
 
 
 def _write_program(write: "Callable[[Model, Path], tuple[str, ...]]", file: Path, output: Path) -> None:
@@ -148,12 +148,8 @@ def _write_program(write: "Callable[[Model, Path], tuple[str, ...]]", file: Path
     except OSError as error:
         raise QuadctlError(f"{output}: cannot be written ({error.strerror})") from None
     for reason in left_out:
-        _say(f"Left out: {reason}.")
+        say(f"Left out: {reason}.")
     print_saved(output)
-
-
-def _say(sentence: str) -> None:
-    console.print(sentence, soft_wrap=True, markup=False, highlight=False)
 
 
 def _confirm(yes: bool) -> None:
@@ -180,7 +176,7 @@ def _print(rows: "list[Row]") -> None:
             table.add_row(row.name, f"{found.value:.4g}", interval, present)
     console.print(table)
     for row in rows:
-        _say(f"{row.name}: {said(row, with_interval=False)}")
+        say(f"{row.name}: {said(row, with_interval=False)}")
 
 
 def _as_dict(row: "Row") -> dict[str, object]:

@@ -7,7 +7,7 @@ import typer
 
 from quadctl.cli.app import app, console
 from quadctl.cli.inputs import find
-from quadctl.cli.output import JsonOption, write_json
+from quadctl.cli.output import JsonOption, say, write_json
 from quadctl.cli.overwriting import Reads, Writes
 
 
@@ -52,4 +52,4 @@ def fleet(
     write_json(json_out, result.to_dict())
     if html is not None:
         write_report(html, result, folder, model)
-        console.print(f"Report: {html}", soft_wrap=True, markup=False, highlight=False)
+        say(f"Report: {html}")

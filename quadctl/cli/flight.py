@@ -10,7 +10,7 @@ import typer
 
 from quadctl.cli.app import app, console
 from quadctl.cli.inputs import find, find_configuration, find_mission
-from quadctl.cli.output import JsonOption, print_warning, write_json
+from quadctl.cli.output import JsonOption, print_warning, say, write_json
 from quadctl.cli.overwriting import Reads, WritesInto
 from quadctl.errors import FlightError
 from quadctl.installed import is_installed
@@ -217,14 +217,12 @@ def _viewer(plan: Any, port: int, token: str | None) -> AbstractContextManager[A
     from quadctl.web.live.viewer import live_view
 
     brief = Brief(plan.mission, plan.settings.guards, plan.body.vehicle, plan.compensator.name)
-    return live_view(
-        brief, port, token, lambda said: console.print(said, soft_wrap=True, markup=False, highlight=False)
-    )
+    return live_view(brief, port, token, say)
 
 
 def _finish(outcome: Any, json_out: Path | None) -> None:
     """Print how a flight went; exit status 1 when it was not completed."""
-    console.print("\n".join(outcome.lines()), soft_wrap=True, markup=False, highlight=False)
+    say("\n".join(outcome.lines()))
     write_json(json_out, asdict(outcome))
     if not outcome.completed:
         raise FlightError(f"the flight was not completed: {outcome.ended}")
@@ -234,8 +232,7 @@ def say_time_scale(plan: "FlightPlan", wanted: str | None) -> None:
     """Say in which time a mission is flown whose time is scaled."""
     if wanted is not None:
         mission = plan.mission
-        said = f"time scale {mission.time_scale:g}: '{mission.name}' lasts {mission.duration_s:.0f} s"
-        console.print(said, soft_wrap=True, markup=False, highlight=False)
+        say(f"time scale {mission.time_scale:g}: '{mission.name}' lasts {mission.duration_s:.0f} s")
 
 
 def _print_warnings(plan: Any, simulated: bool) -> None:

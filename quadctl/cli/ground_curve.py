@@ -5,11 +5,10 @@ from typing import Annotated
 
 import typer
 
-from quadctl.cli.app import app, console
+from quadctl.cli.app import app
 from quadctl.cli.inputs import find
-from quadctl.cli.output import JsonOption, print_saved, write_json
-from quadctl.cli.overwriting import Reads, Writes
-from quadctl.errors import QuadctlError
+from quadctl.cli.output import JsonOption, print_saved, say, write_json
+from quadctl.cli.overwriting import Reads, Writes, refuse_existing
 from quadctl.model import save_model
 from quadctl.vehicle import load_vehicle
 
@@ -51,13 +50,11 @@ def ground_curve(
     from quadctl.ground_curve.plot import draw
     from quadctl.ground_curve.result import evaluate
 
-    for path in () if force else (output, plot):
-        if path is not None and path.exists():
-            raise QuadctlError(f"{path}: is there already, expected a new file (or --force)")
+    refuse_existing(force, output, plot)
     loaded = load_vehicle(vehicle)
     result = evaluate(read_measurement(table, loaded), loaded, str(table))
     model = result.model(result.chosen(formula), surface, vehicle) if output is not None else None
-    console.print("\n".join(result.lines()), soft_wrap=True, markup=False, highlight=False)
+    say("\n".join(result.lines()))
     write_json(json_out, result.to_dict())
     if plot is not None:
         draw(result, plot)

@@ -8,6 +8,7 @@ from typing import Annotated, Any
 import typer
 
 from quadctl.cli.app import app, console
+from quadctl.cli.output import say
 
 
 class FrameName(enum.StrEnum):
@@ -57,7 +58,7 @@ def mocap(
     opened = open_source(source, body)
     place = None if origin is None else _origin(origin)
     flow = forward(resolve(link, console), opened, frame.value, math.radians(yaw), console, threading.Event(), place)
-    console.print(f"{flow.sent} poses sent: {flow.line(None)}", soft_wrap=True, markup=False, highlight=False)
+    say(f"{flow.sent} poses sent: {flow.line(None)}")
 
 
 def _origin(text: str) -> Any:

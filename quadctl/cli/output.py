@@ -13,12 +13,17 @@ from quadctl.files import write_text
 JsonOption = Annotated[Path | None, Writes(), typer.Option("--json", metavar="OUT", help="Write the result as JSON.")]
 
 
+def say(text: str, style: str | None = None, end: str = "\n") -> None:
+    """Print text as it is: long lines stay whole, and nothing in it is taken for markup."""
+    console.print(text, style=style, end=end, soft_wrap=True, markup=False, highlight=False)
+
+
 def print_saved(path: Path) -> None:
-    console.print(f"Saved: {path}", soft_wrap=True, markup=False, highlight=False)
+    say(f"Saved: {path}")
 
 
 def print_warning(sentence: str) -> None:
-    console.print(f"warning: {sentence}", style="yellow", soft_wrap=True, markup=False, highlight=False)
+    say(f"warning: {sentence}", style="yellow")
 
 
 def write_json(path: Path | None, result: dict[str, Any]) -> None:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from quadctl.cli.app import console
-from quadctl.cli.output import print_saved, write_json
+from quadctl.cli.output import print_saved, say, write_json
 from quadctl.cli.overwriting import Writes
 from quadctl.errors import LogError, QuadctlError
 from quadctl.files import writing
@@ -64,7 +64,7 @@ def compare_sensors(logs: Sequence[Path], json_out: Path | None, plot: Path | No
     flights = _flights(read_logs(list(logs)), json_out)
     compared = compare_sensor(flights)
     by = ", ".join(dict.fromkeys(REFERENCES[flight.reference] for flight in flights))
-    _say(f"The {compared.sensor} differs from {by} by {100.0 * compared.rms_m:.1f} cm, its level left out.")
+    say(f"The {compared.sensor} differs from {by} by {100.0 * compared.rms_m:.1f} cm, its level left out.")
     console.print(comparison_table(compared))
     write_json(json_out, compared.to_dict())
     _draw(plot, flights, ())
@@ -86,12 +86,12 @@ def diagnose_sensors(logs: Sequence[Path], json_out: Path | None, plot: Path | N
         finder = diagnose_sensor(beside) if beside else None
     both = [found] if finder is None else [found, finder]
     for sentence in (sentence for one in both for sentence in answer(one)):
-        _say(sentence)
+        say(sentence)
     if output is not None:
         model = found.model()
         save_sensors(model if finder is None else model.beside(finder.model()), output)
         print_saved(output)
-        _say(f"Next: quadctl export {output} --to ardupilot (or px4)")
+        say(f"Next: quadctl export {output} --to ardupilot (or px4)")
     write_json(json_out, {"sensors": [one.to_dict() for one in both]})
     _draw(plot, flights, tuple(one.error for one in found.missing))
 
@@ -118,7 +118,7 @@ def _flights(logs: "Sequence[FlightLog]", json_out: Path | None) -> "list[Height
         write_json(json_out, {"sensors": [without.to_dict()]})
         raise LogError("; ".join(untold(without)))
     for sentence in untold(without):
-        _say(f"Left out is {sentence}")
+        say(f"Left out is {sentence}")
     return known
 
 
@@ -130,7 +130,3 @@ def _draw(plot: Path | None, flights: "Sequence[Heights]", errors: "Sequence[Sen
     with writing(plot, QuadctlError):
         height_sensor(flights, errors).savefig(plot, dpi=110)
     print_saved(plot)
-
-
-def _say(sentence: str) -> None:
-    console.print(sentence, soft_wrap=True, markup=False, highlight=False)

@@ -11,9 +11,9 @@ import typer
 
 from quadctl.cli.app import app, console
 from quadctl.cli.inputs import find
-from quadctl.cli.output import JsonOption, print_saved, write_json
-from quadctl.cli.overwriting import Reads, Writes
-from quadctl.errors import FlightError, QuadctlError
+from quadctl.cli.output import JsonOption, print_saved, say, write_json
+from quadctl.cli.overwriting import Reads, Writes, refuse_existing
+from quadctl.errors import FlightError
 from quadctl.files import write_text
 from quadctl.vehicle import Vehicle, load_vehicle
 
@@ -93,9 +93,7 @@ def thrust_stand(
 
     if (link is None) == (measured is None):
         raise typer.BadParameter("give --link to measure, or --from to fit an earlier measurement")
-    for path in () if force else (output, plot):
-        if path is not None and path.exists():
-            raise QuadctlError(f"{path}: is there already, expected a new file (or --force)")
+    refuse_existing(force, output, plot)
     loaded = load_vehicle(vehicle)
     # The companion computer measures; the fit belongs to the desk. A missing package is told before anything turns.
     fits = find_spec("scipy") is not None
@@ -119,10 +117,10 @@ def thrust_stand(
         raw = raw or Path(f"thrust-stand-{time.strftime('%Y%m%d-%H%M%S')}-motor{motor}.csv")
         points, source = _measure(loaded, str(link), motor, scale, unit, reads_less, schedule, raw), str(raw)
     if not fits:
-        _say(f"Fit it where the lab is installed: quadctl thrust-stand {vehicle} --from {source}")
+        say(f"Fit it where the lab is installed: quadctl thrust-stand {vehicle} --from {source}")
         return
     result = evaluate(points, loaded, source)
-    _say("\n".join(result.lines()))
+    say("\n".join(result.lines()))
     write_json(json_out, result.to_dict())
     if plot is not None:
         draw(result, plot)
@@ -132,15 +130,11 @@ def thrust_stand(
         print_saved(output)
 
 
-def _say(text: str) -> None:
-    console.print(text, soft_wrap=True, markup=False, highlight=False)
-
-
 def _confirm(safe: bool, motor: int, vehicle: Vehicle) -> None:
     """Ask for confirmation that the vehicle is fixed; nothing turns before."""
     if safe:
         return
-    _say(
+    say(
         f"Motor {motor} of {vehicle.name} will run with its propeller on. Fix the vehicle, keep everybody out of the "
         "propeller's plane and reach, and have the battery's plug at hand. Ctrl-C stops the motor."
     )

@@ -11,7 +11,7 @@ from quadctl.cli.app import app, console
 from quadctl.cli.flight import ConfigOption, ModelOption
 from quadctl.cli.inputs import find_configuration
 from quadctl.cli.lab import LogArguments
-from quadctl.cli.output import JsonOption, print_saved, write_json
+from quadctl.cli.output import JsonOption, print_saved, say, write_json
 from quadctl.errors import LogError, SettingsError
 from quadctl.files import write_text
 from quadctl.installed import is_installed
@@ -98,13 +98,10 @@ def _margins(controller: "ControllerSettings", found: "LagsFound") -> dict[str, 
 
 def _print_lags(controller: "ControllerSettings", found: "LagsFound") -> None:
     low, high = found.attitude.lag_interval_s or (found.attitude.lag_s,) * 2
-    console.print(
+    say(
         f"Lags: attitude {found.attitude.lag_s:.3f} s [{low:.3f}, {high:.3f}], which holds the way of the setpoint; "
         f"rotors {found.rotors_s:.3f} s; age of the state, as logged, {found.age_s:.3f} s. Gains are for "
-        f"{found.horizontal_s(controller):.3f} s horizontally and {found.vertical_s:.3f} s vertically.",
-        soft_wrap=True,
-        markup=False,
-        highlight=False,
+        f"{found.horizontal_s(controller):.3f} s horizontally and {found.vertical_s:.3f} s vertically."
     )
 
 
@@ -132,7 +129,7 @@ def _write(path: Path, new: "ControllerSettings") -> None:
     kept = _free_name(path)
     write_text(kept, path.read_text(encoding="utf-8"))
     write_text(path, text)
-    console.print(f"Old gains: {kept}", soft_wrap=True, markup=False, highlight=False)
+    say(f"Old gains: {kept}")
     print_saved(path)
 
 

@@ -33,6 +33,7 @@ from quadctl.lab.selection import diagnosis as lab_diagnosis
 from quadctl.lab.selection.diagnosis import diagnose
 from quadctl.lab.selection.evidence import evidence_for
 from quadctl.lab.selection.unseen import UnseenError
+from quadctl.lab.study import Study
 from quadctl.logs.findings import Kind, finding
 from quadctl.logs.flight_log import FlightLog
 from quadctl.logs.quality import quality
@@ -53,8 +54,7 @@ from quadctl.web.panels.stack import BEYOND, NUISANCES, SAME_CAUSE, apart_in_wor
 from quadctl.web.panels.view import View
 from quadctl.web.session.findings import Diagnosed, Findings
 from quadctl.web.session.session import Rung, Session
-from quadctl.web.work.jobs import Current, Opened
-from quadctl.web.work.jobs import evaluated as evaluate
+from quadctl.web.work.jobs import Opened
 from quadctl.web.work.reading import OpenedLog
 from quadctl.web.work.simulated import FAR, WITH, WITHOUT
 from quadctl.web.work.state import Gathered, Message, Results, Work
@@ -149,7 +149,7 @@ def views(raptor: Vehicle) -> dict[str, View]:
     logs = [obedient(truth, 30.0, noise_m_s=0.01, seed=seed, name=f"{seed}.csv") for seed in (0, 1)]
     dataset = load_dataset(logs, raptor)
     opened = Opened([OpenedLog(Path(log.name), log, quality(log)) for log in logs], dataset, None)
-    evaluation = evaluate(Current(truth), dataset, None, lambda text: None)
+    evaluation = Study(truth, dataset).evaluate()
     elsewhere = replace(truth, stack=(replace(fitted, fitted=Provenance(logs=("0.csv",))),))
     found = Diagnosed(diagnose(rigid, dataset, [Exponential, Hayden]), {})
     effect = found.diagnosis.steps[1].effect
@@ -210,7 +210,7 @@ def views(raptor: Vehicle) -> dict[str, View]:
         "a fit to one of the flights": {"session": _fitted_to(session, ("0.csv",))},
         "an error as the model stands": {
             "session": _fitted_to(session, ("0.csv",)),
-            "results": replace(results, evaluation=evaluate(Current(elsewhere), dataset, None, lambda text: None)),
+            "results": replace(results, evaluation=Study(elsewhere, dataset).evaluate()),
         },
         "a fit to a flight before it was held out": {
             "session": _fitted_to(session.with_role(Path("1.csv"), True), ("0.csv", "1.csv"))
@@ -689,7 +689,7 @@ class TestOpenTab:
         view = views["at first"]
         assert view.opened is not None and view.seen is not None and view.session.model is not None
         whole = replace(view.seen, hold_out="flights")
-        found = evaluate(Current(view.session.model), whole, None, lambda text: None)
+        found = Study(view.session.model, whole).evaluate()
         there = replace(view, opened=replace(view.opened, seen=whole), results=Results(found))
         assert kind_in_words(found).endswith("per-flight bias included")
         blocks, flights = (str(tabs("missing", each).shown) for each in (view, there))
@@ -730,7 +730,7 @@ class TestOpenTab:
         opened, session = views["at first"].opened, views["a fit to one of the flights"].session
         assert opened is not None and opened.seen is not None and session.model is not None
         seen, unseen = opened.seen.some([0]), opened.seen.some([1])
-        found = evaluate(Current(session.model), seen, unseen, lambda text: None)
+        found = Study(session.model, seen, unseen).evaluate()
         assert found.agreement is not None and found.agreement.fitted == "these"
         assert (found.agreement.reference, found.agreement.judged) == (("0.csv",), ("1.csv",))
         view = replace(views["at first"], opened=replace(opened, seen=seen, unseen=unseen), results=Results(found))

@@ -24,6 +24,7 @@ from quadctl.lab.evaluation import Evaluation, errors_of
 from quadctl.lab.flights.dataset import Dataset, load_dataset
 from quadctl.lab.flights.preparation import MAX_BANDWIDTH_HZ
 from quadctl.lab.selection.diagnosis import diagnose
+from quadctl.lab.study import Study
 from quadctl.logs.findings import Kind, finding
 from quadctl.logs.flight_log import FlightLog
 from quadctl.logs.quality import ChannelQuality, QualityReport, quality
@@ -417,7 +418,7 @@ class TestSampleFlight:
             async def run(
                 self, job: Callable[..., Any], *args: Any, progress: Callable[[str], None], **more: Any
             ) -> Any:
-                if job is jobs.fly_sample:
+                if getattr(job, "__func__", None) is Simulation.fly_sample:
                     return job(*args, progress)
                 return await super().run(job, *args, progress=progress)
 
@@ -657,7 +658,7 @@ class TestErrorsOfAllSteps:
         models = [Model(truth.vehicle), truth]
         for held_out in (None, unseen):
             found = errors_of(models, seen, held_out, lambda text: None)
-            evaluated = [jobs.evaluated(jobs.Current(model), seen, held_out, lambda text: None) for model in models]
+            evaluated = [Study(model, seen, held_out).evaluate() for model in models]
             assert found == [pytest.approx((each.error_m_s2, each.floor_m_s2)) for each in evaluated]
 
     def test_a_model_fitted_to_other_flights_is_judged_as_it_stands_not_by_refits(
@@ -670,7 +671,7 @@ class TestErrorsOfAllSteps:
         def judged(logs: tuple[str, ...] | None) -> Evaluation:
             item = StackedEffect(wrong, None if logs is None else Provenance(logs=logs))
             model = replace(truth, stack=(item,))
-            evaluation = jobs.evaluated(jobs.Current(model), seen, None, lambda text: None)
+            evaluation = Study(model, seen).evaluate()
             assert evaluation.by_flight["0.csv"]["total"] == pytest.approx(evaluation.error_m_s2)
             assert evaluation.remainder.error_m_s2 == pytest.approx(evaluation.error_m_s2)
             return evaluation

@@ -2,28 +2,25 @@
 sent from process to process."""
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from quadctl.effects import catalog_with, choose_effect, find_effect
 from quadctl.errors import QuadctlError
 from quadctl.lab.comparison.comparison import compare
 from quadctl.lab.comparison.wording import where_in_words
 from quadctl.lab.evaluation import Evaluation, evaluate
-from quadctl.lab.fitting.fitted_model import FittedModel, Solution, fit_model, is_fitted_to
+from quadctl.lab.fitting.fitted_model import is_fitted_to
 from quadctl.lab.flights.dataset import Dataset, HoldOut, joined
 from quadctl.lab.flights.flight import Flight
 from quadctl.lab.flights.preparation import prepare
 from quadctl.lab.planning.suggestion import Suggestion, suggest
 from quadctl.lab.report.results import Results, Shown
-from quadctl.lab.selection.addition import add, add_to_fit
-from quadctl.lab.selection.diagnosis import Diagnosis, diagnose_fit
+from quadctl.lab.selection.diagnosis import Diagnosis
 from quadctl.lab.selection.effect_curves import sketch
-from quadctl.lab.selection.evidence import Evidence, evidence_for
-from quadctl.lab.selection.refit import Refit, fit
-from quadctl.lab.selection.removal import held_effect, remove_from_fit
+from quadctl.lab.selection.refit import Refit
 from quadctl.lab.sensors.answers import SensorAnswers, answers_on_sensors
+from quadctl.lab.study import Study
 from quadctl.lab.tracking.step_response import StepResponses
 from quadctl.logs.flight_log import FlightLog
 from quadctl.logs.quality import quality
@@ -36,7 +33,6 @@ from quadctl.web.session.findings import Findings
 from quadctl.web.session.session import Rung
 from quadctl.web.work.doubts import doubt_beside, doubt_of
 from quadctl.web.work.reading import OpenedLog, stamp_of
-from quadctl.web.work.simulated import Simulation
 from quadctl.web.work.worker import Progress
 
 
@@ -58,18 +54,6 @@ class Opened:
 
     def log(self, name: str) -> FlightLog | None:
         return next((opened.log for opened in self.logs if opened.log is not None and opened.log.name == name), None)
-
-
-@dataclass(frozen=True, eq=False)
-class Current:
-    """The model that a job begins with, and its fit where it is known."""
-
-    model: Model
-    solution: Solution | None = None
-
-    def fit(self, dataset: Dataset) -> FittedModel:
-        """The model fitted to `dataset`."""
-        return fit_model(self.model, dataset) if self.solution is None else self.solution.on(dataset)
 
 
 @dataclass(frozen=True, eq=False)
@@ -196,64 +180,23 @@ def _dataset(flights: Sequence[Flight], hold_out: HoldOut = "blocks") -> Dataset
     return joined(flights, hold_out if len(flights) > 1 else "blocks")
 
 
-def evaluated(current: Current, seen: Dataset, unseen: Dataset | None, progress: Progress) -> Evaluation:
-    progress("comparing")
-    return evaluate(current.model, current.fit(seen), unseen)
-
-
-def look_for(current: Current, dataset: Dataset, progress: Progress) -> Findings:
+def look_for(study: Study, progress: Progress) -> Findings:
     """Search for what a model is missing, and sketch each candidate on the samples that the search has seen."""
-    found = diagnose_fit(current.fit(dataset), progress=progress)
+    found = study.diagnose(progress=progress)
     searched = found.searched_part
     drawn = {candidate.effect.name: sketch(candidate.model, searched) for candidate in found.ranking}
     return Findings.of(found, {name: drawing for name, drawing in drawn.items() if drawing is not None})
 
 
-def gather_evidence(name: str, current: Current, dataset: Dataset, progress: Progress) -> Evidence:
-    progress(f"fitting without {name}")
-    return evidence_for(name, current.fit(dataset))
-
-
-def add_effect(name: str, current: Current, seen: Dataset, unseen: Dataset | None, progress: Progress) -> Climbed:
-    progress(f"fitting {name}")
-    effect = find_effect(name, "the effect to add", catalog_with(current.model.effect_files))
-    return _climbed(add_to_fit(effect, current.model, current.fit(seen)), unseen)
-
-
-def add_expression(path: Path, current: Current, seen: Dataset, unseen: Dataset | None, progress: Progress) -> Climbed:
-    """Add the effect that a file of Python holds."""
-    progress("fitting the expression")
-    effect, files = choose_effect(str(path), str(path), current.model.effect_files)
-    return _climbed(add_to_fit(effect, replace(current.model, effect_files=files), current.fit(seen)), unseen)
-
-
-def refit_model(current: Current, seen: Dataset, unseen: Dataset | None, progress: Progress) -> Climbed:
-    progress("fitting all parameters together")
-    refit = fit(current.model, seen)
-    return replace(_climbed(refit, unseen), is_repetition=refit.is_repetition)
-
-
-def remove_effect(name: str, current: Current, seen: Dataset, unseen: Dataset | None, progress: Progress) -> Climbed:
-    progress(f"fitting without {name}")
-    effect = held_effect(name, current.model)
-    return _climbed(remove_from_fit(effect, current.model, current.fit(seen)), unseen)
-
-
-def _climbed(refit: Refit, unseen: Dataset | None) -> Climbed:
-    return Climbed(refit.model, evaluate(refit.model, refit.fit_after, unseen))
+def climb(change: Callable[..., Refit], study: Study, *effects: str, progress: Progress) -> Climbed:
+    """The step after a change of a study's model: `change` is a verb of `Study` that refits."""
+    refit = change(study, *effects, progress=progress)
+    return Climbed(refit.model, evaluate(refit.model, refit.fit_after, study.unseen), refit.is_repetition)
 
 
 def next_flight(diagnosis: Diagnosis, missions: Path, progress: Progress) -> Suggestion:
     progress("predicting the data of each mission")
     return suggest(diagnosis, missions)
-
-
-def fly(simulation: Simulation, model: Model, progress: Progress) -> StepResponses:
-    return simulation.fly_steps(model, progress)
-
-
-def fly_sample(simulation: Simulation, vehicle: Vehicle, progress: Progress) -> Path:
-    return simulation.fly_sample(vehicle, progress)
 
 
 def report(
@@ -273,7 +216,7 @@ def report(
     addition, after = None, None
     if len(last.model.stack) > len(first.model.stack):
         progress(f"judging {last.model.effects[-1].name}")
-        addition = add(type(last.model.effects[-1]), replace(last.model, stack=last.model.stack[:-1]), seen)
+        addition = Study(replace(last.model, stack=last.model.stack[:-1]), seen).add(type(last.model.effects[-1]))
         after = None if unseen is None else compare(last.model, unseen)
     progress("drawing")
     if first.error_m_s2 is not None and last.error_m_s2 is not None:

@@ -10,13 +10,15 @@ from collections.abc import AsyncIterator, Awaitable, Callable, Sequence
 from contextlib import asynccontextmanager, suppress
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any, Literal
+from typing import Literal
 
 from quadctl.errors import QuadctlError, SettingsError
 from quadctl.lab.comparison.wording import ended, listed, plain, quantity
 from quadctl.lab.evaluation import Evaluation, errors_of
 from quadctl.lab.flights.dataset import Dataset, HoldOut
 from quadctl.lab.report.results import Shown
+from quadctl.lab.selection.refit import Refit
+from quadctl.lab.study import Study
 from quadctl.logs.flight_log import FlightLog
 from quadctl.model import Model, load_model, model_to_dict
 from quadctl.vehicle import Vehicle
@@ -143,7 +145,7 @@ class Workbench:
         vehicle = self.session.rung.model.vehicle
         flown = None
         async with self._working("Flying a sample flight in simulation") as progress:
-            flown = await self._quick.run(jobs.fly_sample, self.simulation, vehicle, progress=progress)
+            flown = await self._quick.run(self.simulation.fly_sample, vehicle, progress=progress)
         if flown is not None:
             await self.open_logs([flown])
 
@@ -322,7 +324,7 @@ class Workbench:
         """Add effects to the current model, one after the other."""
         async with self._changing_model(f"Adding {effects[0] if len(effects) == 1 else 'what is missing'}") as progress:
             for effect in effects:
-                await self._climb(f"+ {effect}", progress, jobs.add_effect, effect)
+                await self._climb(f"+ {effect}", progress, Study.add, effect)
 
     async def add_expression(self) -> None:
         """Add the expression for the unexplained residual as an effect of one's own, whose file is kept."""
@@ -331,11 +333,11 @@ class Workbench:
             return
         async with self._changing_model("Adding the expression") as progress:
             path = keep_expression(found.diagnosis.symbolic, found.diagnosis.model, self.folder)
-            await self._climb("+ expression", progress, jobs.add_expression, path)
+            await self._climb("+ expression", progress, Study.add, str(path))
 
     async def refit(self) -> None:
         async with self._changing_model("Refitting") as progress:
-            await self._climb("refitted", progress, jobs.refit_model)
+            await self._climb("refitted", progress, Study.refit)
 
     async def remove(self, effect: str) -> None:
         async with self._changing_model(f"Removing {effect}") as progress:
@@ -345,7 +347,7 @@ class Workbench:
             if self.seen is None and model is not None and _names(model) == [effect]:  # nothing is left to be refitted
                 self.session = self.session.climbed(Rung(f"\N{MINUS SIGN} {effect}", replace(model, stack=())))
                 return
-            await self._climb(f"\N{MINUS SIGN} {effect}", progress, jobs.remove_effect, effect)
+            await self._climb(f"\N{MINUS SIGN} {effect}", progress, Study.remove, effect)
 
     @property
     def can_undo(self) -> bool:
@@ -394,51 +396,56 @@ class Workbench:
             self._future.clear()
             self._changed()
 
-    async def _climb(self, name: str, progress: Callable[[str], None], job: Callable[..., Any], *args: Any) -> None:
-        model, seen = self.session.model, self.seen
-        if model is None or seen is None:
+    async def _climb(
+        self, name: str, progress: Callable[[str], None], change: Callable[..., Refit], *effects: str
+    ) -> None:
+        """Make the step that a verb of `Study` gives."""
+        study = self.study
+        if study is None:
             raise QuadctlError("there is no flight to fit the model to: open one, or go back to a step before")
-        current = self._current(model)
-        climbed: jobs.Climbed = await self._quick.run(job, *args, current, seen, self.unseen, progress=progress)
+        climbed: jobs.Climbed = await self._quick.run(jobs.climb, change, study, *effects, progress=progress)
         if climbed.is_repetition:
             same = "The refit gives the parameters that the model has already: they are those of the best fit to "
-            self.message = Message("done", f"{same}{'this flight' if len(seen.flights) == 1 else 'these flights'}.")
+            self.message = Message(
+                "done", f"{same}{'this flight' if len(study.seen.flights) == 1 else 'these flights'}."
+            )
             return
         self.session = self.session.climbed(Rung(name, climbed.model))
         await self._judge(progress, climbed.evaluation)
 
-    def _current(self, model: Model) -> jobs.Current:
-        """The current model with its fit, where that is known: what was evaluated last may be another model."""
-        evaluation = self.results.evaluation
-        if evaluation is None or evaluation.comparison.model != model:
-            return jobs.Current(model)
-        return jobs.Current(model, evaluation.solution)
+    @property
+    def study(self) -> Study | None:
+        """The current model on the flights, with its fit where that is known: what was evaluated last may be another
+        model."""
+        model, seen, evaluation = self.session.model, self.seen, self.results.evaluation
+        if model is None or seen is None:
+            return None
+        known = evaluation is not None and evaluation.comparison.model == model
+        return Study(model, seen, self.unseen, evaluation.solution if evaluation is not None and known else None)
 
     async def _judge(self, progress: Callable[[str], None], evaluation: Evaluation | None = None) -> None:
         """Evaluate the current model where that is not done yet, and begin to look for what it lacks."""
         self.results = Results(before=self.results.found or self.results.before)
         self.cancel_search()
-        model, opened = self.session.model, self.opened
-        if model is None or opened is None or opened.seen is None:
+        study = self.study
+        if study is None:
             self._changed()
             return
         self._show_found()
         self._changed()
         if evaluation is None:
-            current = jobs.Current(model)
-            evaluation = await self._quick.run(jobs.evaluated, current, opened.seen, opened.unseen, progress=progress)
-        evaluation = replace(
-            evaluation, comparison=replace(evaluation.comparison, dataset=opened.seen.aligned_for(model))
-        )
+            evaluation = await self._quick.run(study.evaluate, progress=progress)
+        aligned = study.seen.aligned_for(study.model)
+        evaluation = replace(evaluation, comparison=replace(evaluation.comparison, dataset=aligned))
         self.results = replace(self.results, evaluation=evaluation)
         if not self.session.off:
             self._judged(evaluation)
             if self.results.found is None:
                 self._begin(self.look())
         self._autosave()
-        await self._judge_others(opened.seen, opened.unseen, progress)
+        await self._judge_others(study, progress)
 
-    async def _judge_others(self, seen: Dataset, unseen: Dataset | None, progress: Callable[[str], None]) -> None:
+    async def _judge_others(self, study: Study, progress: Callable[[str], None]) -> None:
         """Compute the errors of the other steps on these flights, where they are not known."""
         steps = [
             i for i, rung in enumerate(self.session.rungs) if rung.error_m_s2 is None and i != self.session.current
@@ -446,7 +453,7 @@ class Workbench:
         if steps:
             self._changed()
             models = [self.session.rungs[i].model for i in steps]
-            errors = await self._quick.run(errors_of, models, seen, unseen, progress=progress)
+            errors = await self._quick.run(errors_of, models, study.seen, study.unseen, progress=progress)
             self.session = self.session.with_errors(dict(zip(steps, errors, strict=True)))
             self._autosave()
 
@@ -476,8 +483,8 @@ class Workbench:
 
     async def look(self) -> None:
         """Look for what is missing, in the background."""
-        model, seen = self.session.model, self.seen
-        if model is None or seen is None or self.search is not None:
+        study = self.study
+        if study is None or self.search is not None:
             return
         self.search = Work("Looking for what is missing")
         self._searches += 1
@@ -490,10 +497,10 @@ class Workbench:
 
         self._changed()
         try:
-            found: Findings = await self._slow.run(jobs.look_for, self._current(model), seen, progress=progress)
-            self.session = self.session.searched(model, found)
+            found: Findings = await self._slow.run(jobs.look_for, study, progress=progress)
+            self.session = self.session.searched(study.model, found)
             self._show_found()
-            self._say_found(model)
+            self._say_found(study.model)
             self._autosave()
         except CancelledError:
             pass
@@ -539,14 +546,14 @@ class Workbench:
 
     async def gather(self, effect: str) -> None:
         """Compute the evidence for an effect of the current model, or for one that was found missing."""
-        seen, current = self.seen, self._with_effect(effect)
-        if seen is None or current is None or self.work is not None:
+        study = self._with_effect(effect)
+        if study is None or self.work is not None:
             return
         self._gathered(effect, None)
         message = self.message  # the evidence that is open is gathered again when the flights change: nobody asked
         async with self._working("Gathering the evidence") as progress:
             self.message = message
-            evidence = await self._quick.run(jobs.gather_evidence, effect, current, seen, progress=progress)
+            evidence = await self._quick.run(study.evidence, effect, progress=progress)
             self._gathered(effect, Gathered(evidence, self._search_for(effect)))
 
     def begin_to_gather(self, effect: str) -> None:
@@ -556,14 +563,15 @@ class Workbench:
     def _gathered(self, effect: str, gathered: Gathered | None) -> None:
         self.results = replace(self.results, evidence={**self.results.evidence, effect: gathered})
 
-    def _with_effect(self, effect: str) -> jobs.Current | None:
-        """The current model, or that with all effects that were found missing, whichever holds this effect."""
-        model = self.session.model
-        if model is not None and effect in _names(model):
-            return self._current(model)
+    def _with_effect(self, effect: str) -> Study | None:
+        """Study of the current model, or of that with all effects that were found missing, whichever holds this
+        effect."""
+        study = self.study
+        if study is None or effect in _names(study.model):
+            return study
         searches = (self.results.found, self.results.before)
         best = (found.diagnosis.best for found in searches if found is not None)
-        return next((jobs.Current(model) for model in best if effect in _names(model)), None)
+        return next((replace(study, model=model, solution=None) for model in best if effect in _names(model)), None)
 
     def _search_for(self, effect: str) -> Diagnosed | None:
         """The last search that tried an effect; None where none on these flights did."""
@@ -602,7 +610,7 @@ class Workbench:
         if model is None:
             return
         async with self._working("Flying in simulation") as progress:
-            steps = await self._quick.run(jobs.fly, self.simulation, model, progress=progress)
+            steps = await self._quick.run(self.simulation.fly_steps, model, progress=progress)
             self.results = replace(self.results, steps=steps)
 
     def model_file(self) -> str:
