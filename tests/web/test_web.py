@@ -86,7 +86,7 @@ class TestSession:
 
     def test_not_all_flights_can_be_held_out(self, climbed: Session) -> None:
         held = climbed.with_role(A, unseen=True)
-        assert held.seen == (B,)
+        assert held.unseen == {A}
         with pytest.raises(SettingsError, match="at least one"):
             held.with_role(B, unseen=True)
 
@@ -96,7 +96,7 @@ class TestSession:
         path.write_text(session_to_yaml(session))
         again = load_session(path)
         assert [log.resolve() for log in again.logs] == [log.resolve() for log in session.logs]
-        assert again.seen == (A.resolve(),)
+        assert again.unseen == {B.resolve()}
         assert [(r.name, r.error_m_s2, r.model.effects) for r in again.rungs] == [
             (r.name, r.error_m_s2, r.model.effects) for r in session.rungs
         ]

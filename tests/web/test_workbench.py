@@ -736,7 +736,7 @@ class TestRefit:
 
     def test_the_same_parameters_on_another_flight_are_a_step(self, fitted: Workbench) -> None:
         """They were not known to hold there."""
-        assert fitted.seen is not None and fitted.session.model is not None
+        assert fitted.opened.seen is not None and fitted.session.model is not None
         (item,) = fitted.session.model.stack
         elsewhere = replace(item, fitted=Provenance(logs=("1.csv",)))
         fitted.session = fitted.session.climbed(Rung("as it was", replace(fitted.session.model, stack=(elsewhere,))))
@@ -789,7 +789,7 @@ class TestEvidence:
     def test_the_next_flight_is_to_tell_look_alikes_of_earlier_steps_too(
         self, climbed: Workbench, monkeypatch: pytest.MonkeyPatch
     ) -> None:
-        search, model, seen = climbed.session.rungs[0].found, climbed.session.model, climbed.seen
+        search, model, seen = climbed.session.rungs[0].found, climbed.session.model, climbed.opened.seen
         assert search is not None and model is not None and seen is not None
         search.content["confounded"] = [["ground_effect", "tether"]]
         nothing = replace(diagnose(model, seen, [Hayden]), confounded=[])

@@ -25,12 +25,12 @@ _NAMES_AND_SIZES = "(entries) => emit(entries.map(e => [e.file.name, e.file.size
 class Flights(Panel):
     """The logs, each with its quality report and its role: for fitting, or held out."""
 
-    opened: Opened | None
+    opened: Opened
     unseen: frozenset[Path]
     hold_out: HoldOut
 
     def draw(self, do: Controls) -> None:
-        if self.opened is None:
+        if not self.opened.logs:
             return
         several = len(self.opened.usable) > 1
         with tag("section", "card"):
@@ -120,7 +120,7 @@ def drop_zone(do: Controls) -> None:
     """Draw a box in which files are dropped, or chosen with a click."""
     with tag("div", "drop"):
         upload = StreamedUpload(multiple=True, max_file_size=MAX_UPLOAD_BYTES, label="Drop flight logs here")
-        do.receive(upload, do.take_files)
+        do.intake.receive(upload, do.take_files)
         upload.props(f'accept="{",".join((*LOG_SUFFIXES, *SETTINGS_SUFFIXES))}" flat bordered color="transparent"')
         # The list of flights says what becomes of them: a tick here would say that a file is used before it was read.
         # In the browser itself: only when it has its answer is a file one that was sent.
@@ -135,7 +135,7 @@ def drop_zone(do: Controls) -> None:
 
 def _refuse(do: Controls, event: GenericEventArguments) -> None:
     for name, size, why in event.args:
-        do.refuse_file(str(name), float(size), why == "max-file-size")
+        do.intake.refuse(str(name), float(size), why == "max-file-size")
 
 
 TAB = Tab("flights", "Flights", "folder_open", (Flights, DropZone, VehicleChoice))

@@ -20,7 +20,7 @@ from quadctl.web.session.earlier import Earlier
 from quadctl.web.session.session import Rung
 from quadctl.web.work.jobs import Opened
 from quadctl.web.work.reading import OpenedLog
-from quadctl.web.work.state import Message
+from quadctl.web.work.state import Message, Work
 
 READ_S = 15.0
 """Time after which a message that is no error goes by itself: it lies over a part of the page."""
@@ -60,18 +60,18 @@ class Header(Panel):
 class Status(Panel):
     """The work and the search in progress, each with a way to cancel it, and the last message: always in sight."""
 
-    work_title: str | None
-    search_title: str | None
+    idle: bool
+    searching: bool
     message: Message | None
     waiting: tuple[str, ...]
 
     def draw(self, do: Controls) -> None:
-        if self.work_title is not None:
+        if not self.idle:
             with tag("div", "banner work").props('role="status"'):
                 busy()
                 do.nest(WorkInWords, "grow")
                 ui.button("Cancel", on_click=do.bench.cancel).props("flat dense no-caps")
-        if self.search_title is not None:
+        if self.searching:
             with tag("div", "banner search").props('role="status"'):
                 busy()
                 do.nest(SearchInWords, "grow")
@@ -104,10 +104,10 @@ class Status(Panel):
 class Doubts(Panel):
     """Questions about flights that seem to be of another vehicle; they are not used before the answer."""
 
-    opened: Opened | None
+    opened: Opened
 
     def draw(self, do: Controls) -> None:
-        for log in [] if self.opened is None else self.opened.logs:
+        for log in self.opened.logs:
             if log.doubt:
                 _draw_doubt(do, log)
 
@@ -163,22 +163,22 @@ class WorkInWords(Panel):
     A panel of its own: if the Cancel button beside it were replaced at every step, clicks on it would be lost.
     """
 
-    work_title: str | None
-    work_detail: str
+    work: Work | None
 
     def draw(self, do: Controls) -> None:
-        ui.label(f"{self.work_title}: {self.work_detail}\u2026" if self.work_detail else f"{self.work_title}\u2026")
+        if self.work is not None:
+            ui.label(f"{self.work.title}: {self.work.detail}\u2026" if self.work.detail else f"{self.work.title}\u2026")
 
 
 @dataclass(frozen=True)
 class SearchInWords(Panel):
     """Title and step of the search; a panel of its own for the reason of `WorkInWords`."""
 
-    search_title: str | None
-    search_detail: str
+    search: Work | None
 
     def draw(self, do: Controls) -> None:
-        ui.label(f"{self.search_title}: {self.search_detail or 'every effect of the catalogue is tried'}\u2026")
+        if self.search is not None:
+            ui.label(f"{self.search.title}: {self.search.detail or 'every effect of the catalogue is tried'}\u2026")
 
 
 @dataclass(frozen=True)

@@ -52,6 +52,7 @@ from quadctl.web.panels.zoomed import zoomed_plot
 from quadctl.web.session.findings import Diagnosed
 from quadctl.web.session.session import Rung
 from quadctl.web.work.predictions import predictions
+from quadctl.web.work.state import LOOKING
 
 OPEN = "info"
 """Icon of a verdict that names nothing, and has no tick either."""
@@ -164,7 +165,7 @@ class Verdict(Panel):
     """The state of the search, or its verdict, with a button that adds all that is missing."""
 
     seen: Dataset | None
-    search_title: str | None
+    searching: bool
     found: Diagnosed | None
     off: frozenset[str]
     unseen: frozenset[Path]
@@ -182,10 +183,10 @@ class Verdict(Panel):
         if self.seen is None:
             return
         with tag("section", "card").props('aria-live="polite"'):
-            if self.search_title is not None:
+            if self.searching:
                 with tag("div", "line"):
                     busy()
-                    tag("span", "verdict grow", f"{self.search_title}\u2026")
+                    tag("span", "verdict grow", f"{LOOKING}\u2026")
             elif self.found is None:
                 self._draw_invitation(do)
             else:
@@ -204,7 +205,7 @@ class Verdict(Panel):
     def sentences(self) -> tuple[str, ...]:
         """The verdict in words with what is to be said of the data, the main sentence first; empty before the end of
         the search."""
-        if self.found is None or self.search_title is not None:
+        if self.found is None or self.searching:
             return ()
         said = self._with_reservation(self._in_words(self.found.diagnosis))
         return said.verdict, *said.more, *self.reservations, *self.cautions

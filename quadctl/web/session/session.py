@@ -15,6 +15,7 @@ from quadctl.errors import SettingsError
 from quadctl.lab.flights.dataset import HoldOut
 from quadctl.model import Model, model_from_dict, model_to_dict
 from quadctl.settings import MAX_YAML_BYTES, Settings, read_yaml, validate
+from quadctl.vehicle import Vehicle
 from quadctl.web.session.findings import Findings
 
 SUFFIX = ".lab.yaml"
@@ -63,17 +64,16 @@ class Session:
         return self.rungs[self.current] if self.rungs else None
 
     @property
+    def vehicle(self) -> Vehicle | None:
+        return self.rungs[0].model.vehicle if self.rungs else None
+
+    @property
     def model(self) -> Model | None:
         """The current model without what is switched off."""
         if self.rung is None:
             return None
         model = self.rung.model
         return replace(model, stack=tuple(item for item in model.stack if item.effect.name not in self.off))
-
-    @property
-    def seen(self) -> tuple[Path, ...]:
-        """The logs that fits may use."""
-        return tuple(log for log in self.logs if log not in self.unseen)
 
     @property
     def look_alikes(self) -> dict[str, tuple[str, ...]]:

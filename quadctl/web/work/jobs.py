@@ -3,12 +3,12 @@ sent from process to process."""
 
 from collections import Counter
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from quadctl.errors import QuadctlError
 from quadctl.lab.comparison.comparison import compare
-from quadctl.lab.comparison.wording import where_in_words
+from quadctl.lab.comparison.wording import listed, where_in_words
 from quadctl.lab.evaluation import Evaluation, evaluate
 from quadctl.lab.fitting.fitted_model import is_fitted_to
 from quadctl.lab.flights.dataset import Dataset, HoldOut, joined
@@ -31,19 +31,20 @@ from quadctl.vehicle import Vehicle
 from quadctl.web.session.files import without_folder
 from quadctl.web.session.findings import Findings
 from quadctl.web.session.session import Rung
-from quadctl.web.work.doubts import doubt_beside, doubt_of
+from quadctl.web.work.doubts import cautions_of, doubt_beside, doubt_of, firmware, names_its_vehicle
 from quadctl.web.work.reading import OpenedLog, stamp_of
 from quadctl.web.work.worker import Progress
 
 
 @dataclass(frozen=True, eq=False)
 class Opened:
-    """The flights of a session, prepared."""
+    """The flights of a session, prepared; no log where none is open."""
 
-    logs: list[OpenedLog]
-    seen: Dataset | None
+    logs: list[OpenedLog] = field(default_factory=list)
+    seen: Dataset | None = None
     """Flights that fits may use; None where none can be analysed."""
-    unseen: Dataset | None
+    unseen: Dataset | None = None
+    """Flights held out of all fits."""
     sensors: SensorAnswers | None = None
     """Answers about the sensors of the height; None where no log has a barometer."""
 
@@ -51,6 +52,45 @@ class Opened:
     def usable(self) -> list[Path]:
         """Paths of the logs that can be analysed."""
         return [opened.path for opened in self.logs if not (opened.problem or opened.doubt)]
+
+    @property
+    def flights(self) -> tuple[Flight, ...]:
+        """Those that fits may use, and those held out."""
+        return tuple(flight for part in (self.seen, self.unseen) if part is not None for flight in part.flights)
+
+    @property
+    def flight_names(self) -> tuple[str, ...]:
+        return tuple(flight.name for flight in self.flights)
+
+    @property
+    def silent_logs(self) -> list[FlightLog]:
+        """Logs that are used and do not say which vehicle flew."""
+        return [one.log for one in self.logs if one.log is not None and not (one.problem or names_its_vehicle(one.log))]
+
+    @property
+    def silent(self) -> str:
+        """Sentence on the logs that do not say which vehicle flew, with the autopilot that they name; empty where all
+        do."""
+        logs = self.silent_logs
+        names = [f"{log.name} ({software})" if (software := firmware(log)) else log.name for log in logs]
+        return f"{listed(names)} {'does' if len(names) == 1 else 'do'} not say." if names else ""
+
+    @property
+    def weight_doubts(self) -> tuple[str, ...]:
+        """Doubts whether the vehicle is the one that flew, of the flights that are used."""
+        return tuple(f"{flight.name}: {doubt}" for flight in self.flights if (doubt := flight.weight_doubt))
+
+    @property
+    def cautions(self) -> tuple[str, ...]:
+        """Sentences on what the data of the flights lack, each with the name of its log."""
+        found = []
+        for log in self.logs:
+            if log.log is None or log.quality is None or log.flight is None or log.problem or log.doubt:
+                continue
+            used_s = float(log.flight.time_s[0]), float(log.flight.time_s[-1])
+            cautions = cautions_of(log.quality, log.flight.bandwidth_hz, used_s)
+            found += [f"{log.path.name}: {said}" for said in cautions]
+        return tuple(found)
 
     def log(self, name: str) -> FlightLog | None:
         return next((opened.log for opened in self.logs if opened.log is not None and opened.log.name == name), None)

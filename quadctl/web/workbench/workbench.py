@@ -15,7 +15,7 @@ from typing import Literal
 from quadctl.errors import QuadctlError, SettingsError
 from quadctl.lab.comparison.wording import ended, listed, plain, quantity
 from quadctl.lab.evaluation import Evaluation, errors_of
-from quadctl.lab.flights.dataset import Dataset, HoldOut
+from quadctl.lab.flights.dataset import HoldOut
 from quadctl.lab.report.results import Shown
 from quadctl.lab.selection.refit import Refit
 from quadctl.lab.study import Study
@@ -28,8 +28,9 @@ from quadctl.web.session.findings import Diagnosed, Findings
 from quadctl.web.session.session import AUTOSAVED, Rung, Session, load_session, session_to_yaml
 from quadctl.web.work import jobs, reading
 from quadctl.web.work.exchange import Exchange
+from quadctl.web.work.jobs import Opened
 from quadctl.web.work.simulated import Simulation
-from quadctl.web.work.state import Gathered, Message, Results, Work
+from quadctl.web.work.state import LOOKING, Gathered, Message, Results, Work
 from quadctl.web.work.worker import CancelledError, Worker
 
 _LOG = logging.getLogger(__name__)
@@ -45,7 +46,7 @@ class Workbench:
     """Folder for everything that is saved."""
     simulation: Simulation
     session: Session = field(default_factory=Session)
-    opened: jobs.Opened | None = None
+    opened: Opened = field(default_factory=Opened)
     results: Results = field(default_factory=Results)
     work: Work | None = None
     search: Work | None = None
@@ -125,24 +126,15 @@ class Workbench:
 
     # --- flights and model --------------------------------------------------------------------------------------------
 
-    @property
-    def unseen(self) -> Dataset | None:
-        """Flights held out of all fits."""
-        return None if self.opened is None else self.opened.unseen
-
-    @property
-    def seen(self) -> Dataset | None:
-        return None if self.opened is None else self.opened.seen
-
     async def open_logs(self, paths: Sequence[Path]) -> None:
         await self._with_flights(self.session.with_logs(paths), known=True)
 
     async def open_sample(self) -> None:
         """Fly the vehicle in a simulated world with a hidden effect, and open the log."""
-        if self.session.rung is None:
+        vehicle = self.session.vehicle
+        if vehicle is None:
             self.say("error", "There is no vehicle yet: choose the one to fly.")
             return
-        vehicle = self.session.rung.model.vehicle
         flown = None
         async with self._working("Flying a sample flight in simulation") as progress:
             flown = await self._quick.run(self.simulation.fly_sample, vehicle, progress=progress)
@@ -191,11 +183,10 @@ class Workbench:
         SettingsError
             It is of a vehicle with another number of rotors.
         """
-        rung = self.session.rung
-        if rung is not None and model.vehicle.n_rotors != rung.model.vehicle.n_rotors:
+        vehicle = self.session.vehicle
+        if vehicle is not None and model.vehicle.n_rotors != vehicle.n_rotors:
             raise SettingsError(
-                f"{model.name}: has {model.vehicle.n_rotors} rotors, expected {rung.model.vehicle.n_rotors} as "
-                f"{rung.model.vehicle.name} has"
+                f"{model.name}: has {model.vehicle.n_rotors} rotors, expected {vehicle.n_rotors} as {vehicle.name} has"
             )
         self.other_model = model
         self._changed()
@@ -213,12 +204,12 @@ class Workbench:
 
     async def start_anew(self) -> None:
         """Begin a new session with the vehicle of this one, which is kept in a file."""
-        model = self.session.rungs[0].model if self.session.rungs else None
+        vehicle = self.session.vehicle
         kept = free_name(self.folder)
         if not self._save(kept):
             return
         before = self.session
-        begun = Session() if model is None else Session().begun_with(Model(model.vehicle, name=model.vehicle.name))
+        begun = Session() if vehicle is None else Session().begun_with(Model(vehicle, name=vehicle.name))
         await self._with_flights(replace(begun, vehicle_assumed=True))
         if self.message is not None:
             return
@@ -270,10 +261,9 @@ class Workbench:
         Results are kept where they are `known` and the flights that can be used are the same.
         """
         async with self._working("Reading flights") as progress:
-            opened = None
+            opened = Opened()
             if session.rung is not None and session.logs:
-                before = [] if self.opened is None else self.opened.logs
-                read = await self._quick.run(reading.read_logs, session.logs, before, progress=progress)
+                read = await self._quick.run(reading.read_logs, session.logs, self.opened.logs, progress=progress)
                 self.as_read = tuple(log.log for log in read if log.log is not None)
                 self._changed()
                 opened = await self._quick.run(
@@ -286,16 +276,15 @@ class Workbench:
                     self.accepted,
                     progress=progress,
                 )
-            same = known and opened and self.opened is not None and opened.usable == self.opened.usable
+            same = known and opened.logs and self.opened.logs and opened.usable == self.opened.usable
             if known and not same:
                 session = session.unjudged()
-            told = [] if self.opened is None else [(log.path, log.problem) for log in self.opened.logs]
+            told = [(log.path, log.problem) for log in self.opened.logs]
             self.session, self.opened, self.results, self.as_read = session, opened, Results(), ()
             for changes in (self._past, self._future):
                 moved = [change.with_flights_of(session) for change in changes]
                 changes[:] = moved if same else [change.unjudged() for change in moved]
-            logs = [] if opened is None else opened.logs
-            problems = [log.problem for log in logs if log.problem and (log.path, log.problem) not in told]
+            problems = [log.problem for log in opened.logs if log.problem and (log.path, log.problem) not in told]
             if problems:
                 self.message = Message("error", " ".join(ended(problem) for problem in problems))
             await self._judge(progress)
@@ -344,7 +333,7 @@ class Workbench:
             if effect in self.session.off:
                 self.session = self.session.switched(effect)
             model = self.session.model
-            if self.seen is None and model is not None and _names(model) == [effect]:  # nothing is left to be refitted
+            if self.study is None and model is not None and _names(model) == [effect]:  # nothing is left to be refitted
                 self.session = self.session.climbed(Rung(f"\N{MINUS SIGN} {effect}", replace(model, stack=())))
                 return
             await self._climb(f"\N{MINUS SIGN} {effect}", progress, Study.remove, effect)
@@ -370,7 +359,7 @@ class Workbench:
             self.say("done", f"There is no change of the model to {name}.")
             return
         before, session = self.session, there.pop()
-        if _vehicle_of(session) == _vehicle_of(before):
+        if session.vehicle == before.vehicle:
             async with self._working("Comparing") as progress:
                 self.session = session
                 await self._judge(progress)
@@ -417,11 +406,11 @@ class Workbench:
     def study(self) -> Study | None:
         """The current model on the flights, with its fit where that is known: what was evaluated last may be another
         model."""
-        model, seen, evaluation = self.session.model, self.seen, self.results.evaluation
-        if model is None or seen is None:
+        model, opened, evaluation = self.session.model, self.opened, self.results.evaluation
+        if model is None or opened.seen is None:
             return None
         known = evaluation is not None and evaluation.comparison.model == model
-        return Study(model, seen, self.unseen, evaluation.solution if evaluation is not None and known else None)
+        return Study(model, opened.seen, opened.unseen, evaluation.solution if evaluation and known else None)
 
     async def _judge(self, progress: Callable[[str], None], evaluation: Evaluation | None = None) -> None:
         """Evaluate the current model where that is not done yet, and begin to look for what it lacks."""
@@ -473,7 +462,7 @@ class Workbench:
 
     def _show_found(self) -> None:
         """Restore the findings of an earlier search for the current step."""
-        rung, seen = self.session.rung, self.seen
+        rung, seen = self.session.rung, self.opened.seen
         if rung is None or rung.found is None or seen is None or self.session.off:
             return
         with suppress(SettingsError):  # found with another catalogue: then it is looked for again
@@ -486,7 +475,7 @@ class Workbench:
         study = self.study
         if study is None or self.search is not None:
             return
-        self.search = Work("Looking for what is missing")
+        self.search = Work(LOOKING)
         self._searches += 1
         number = self._searches
 
@@ -579,10 +568,10 @@ class Workbench:
             if found is not None and _has_tried(found, effect):
                 return found
         for rung in reversed(self.session.rungs[: self.session.current + 1]):
-            if rung.found is None or self.seen is None:
+            if rung.found is None or self.opened.seen is None:
                 continue
             with suppress(SettingsError):  # found with another catalogue
-                found = rung.found.diagnosed(rung.model, self.seen)
+                found = rung.found.diagnosed(rung.model, self.opened.seen)
                 if _has_tried(found, effect):
                     return found
         return None
@@ -627,15 +616,13 @@ class Workbench:
         self.say(
             "done",
             f"The model is saved as {name} in the downloads folder of your browser, with a number if need be."
-            + (" Compensator lists the commands that use it." if self.opened is not None else ""),
+            + (" Compensator lists the commands that use it." if self.opened.logs else ""),
         )
 
     def session_file(self, view: str = "") -> str:
         """The session as the text of a file: its logs by path and hash, and the choices of a tab (see `Session`)."""
-        datasets = () if self.opened is None else (self.opened.seen, self.opened.unseen)
-        known = {flight.name: flight.sha256 for dataset in datasets if dataset for flight in dataset.flights}
-        logs = [] if self.opened is None else self.opened.logs
-        hashes = {log.path: known[log.log.name] for log in logs if log.log and known.get(log.log.name)}
+        known = {flight.name: flight.sha256 for flight in self.opened.flights}
+        hashes = {log.path: known[log.log.name] for log in self.opened.logs if log.log and known.get(log.log.name)}
         session = replace(self.session, hashes={**self.session.hashes, **hashes}, view=view or self.session.view)
         return session_to_yaml(session)
 
@@ -646,7 +633,7 @@ class Workbench:
         on the `condition` that this vehicle flew, where that is not known.
         """
         html: bytes | None = None
-        if self.opened is None:
+        if not self.opened.logs:
             return None
         ladder = self.session.rungs[: self.session.current + 1]
         async with self._working("Writing the report") as progress:
@@ -713,8 +700,3 @@ def _names(model: Model) -> list[str]:
 
 def _has_tried(found: Diagnosed, effect: str) -> bool:
     return any(candidate.effect.name == effect for candidate in found.diagnosis.ranking)
-
-
-def _vehicle_of(session: Session) -> Vehicle | None:
-    """Vehicle of a session's models; None before one is chosen."""
-    return session.rungs[0].model.vehicle if session.rungs else None
