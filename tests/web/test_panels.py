@@ -53,6 +53,7 @@ from quadctl.web.panels.panel import Controls, Panel
 from quadctl.web.panels.stack import BEYOND, NUISANCES, SAME_CAUSE, apart_in_words, kind_in_words, limited_in_words
 from quadctl.web.panels.view import OWNERS, View, owner_of
 from quadctl.web.session.findings import Diagnosed, Findings
+from quadctl.web.session.history import History
 from quadctl.web.session.session import Rung, Session
 from quadctl.web.work.jobs import Opened
 from quadctl.web.work.reading import OpenedLog
@@ -175,8 +176,7 @@ def views(raptor: Vehicle) -> dict[str, View]:
         as_read=(),
         waiting=(),
         windows=1,
-        can_undo=True,
-        can_redo=False,
+        history=History((session,)),
         hidden=None,
         vehicles=(Path("raptor.yaml"),),
         own_vehicles=(),
@@ -232,7 +232,7 @@ def views(raptor: Vehicle) -> dict[str, View]:
         "a warning of the check": {"results": replace(results, checked=("too high",))},
         "a refusal of the check": {"results": replace(results, checked=None, refused="it has a pole")},
         "a file that waits": {"waiting": ("a.csv",)},
-        "a change taken back": {"can_undo": False, "can_redo": True},
+        "a change taken back": {"history": History((), (session,))},
         "a second window": {"windows": 2},
         "a message": {"message": Message("error", "no")},
         "another world": {"hidden": Path("hidden.yaml")},

@@ -43,7 +43,7 @@ from quadctl.web.work.jobs import Opened
 from quadctl.web.work.simulated import Simulation
 from quadctl.web.work.state import Message, Work
 from quadctl.web.work.worker import LIBRARIES, CancelledError
-from quadctl.web.workbench import workbench
+from quadctl.web.workbench import desk
 from quadctl.web.workbench.intake import Intake
 from quadctl.web.workbench.workbench import Workbench
 from tests.support.flights import obedient
@@ -105,7 +105,7 @@ class _Untouchable:
 
 @pytest.fixture
 def bench(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Workbench:
-    monkeypatch.setattr(workbench, "Worker", Here)
+    monkeypatch.setattr(desk, "Worker", Here)
     made = Workbench(tmp_path, cast(Simulation, None))
     made.session = Session().begun_with(load_model(RAPTOR))
     return made
@@ -239,16 +239,16 @@ class TestUndo:
 
     def test_a_change_of_the_model_is_undone_and_redone(self, climbed: Workbench) -> None:
         after = climbed.session
-        assert climbed.can_undo and not climbed.can_redo
+        assert climbed.history.can_undo and not climbed.history.can_redo
         asyncio.run(climbed.undo())
         assert [rung.name for rung in climbed.session.rungs] == ["rigid body"]
-        assert climbed.can_redo and not climbed.can_undo
+        assert climbed.history.can_redo and not climbed.history.can_undo
         asyncio.run(climbed.redo())
         assert climbed.session == after
 
     def test_the_page_is_told_that_what_was_undone_can_be_redone(self, climbed: Workbench) -> None:
         shown: list[tuple[bool, bool]] = []
-        climbed.subscribe(lambda: shown.append((climbed.can_undo, climbed.can_redo)))
+        climbed.subscribe(lambda: shown.append((climbed.history.can_undo, climbed.history.can_redo)))
         asyncio.run(climbed.undo())
         assert shown[-1] == (False, True)
         asyncio.run(climbed.redo())
@@ -274,7 +274,7 @@ class TestUndo:
     def test_a_new_change_ends_the_redo(self, climbed: Workbench) -> None:
         asyncio.run(climbed.undo())
         asyncio.run(climbed.add("another"))
-        assert climbed.can_undo and not climbed.can_redo
+        assert climbed.history.can_undo and not climbed.history.can_redo
 
     def test_another_vehicle_takes_the_effects_away_and_undo_brings_them_back(
         self, climbed: Workbench, tmp_path: Path, raptor: Vehicle
@@ -308,7 +308,7 @@ class TestUndo:
 
     def test_another_session_has_nothing_to_undo(self, climbed: Workbench) -> None:
         asyncio.run(climbed.resume(replace(climbed.session, view="tab=flights")))
-        assert not climbed.can_undo
+        assert not climbed.history.can_undo
         asyncio.run(climbed.undo())
         assert climbed.message is not None and "no change of the model to undo" in climbed.message.text
 
@@ -328,7 +328,7 @@ class TestNewSession:
         asyncio.run(used.start_anew())
         assert used.session.logs == () and [rung.name for rung in used.session.rungs] == ["rigid body"]
         assert used.session.model == before.rungs[0].model and used.session.vehicle_assumed
-        assert not used.can_undo
+        assert not used.history.can_undo
         path = used.folder / f"{PREVIOUS}.lab.yaml"
         assert used.message is not None and f"{path}: open that file" in used.message.text
         kept = load_session(path)
@@ -422,7 +422,7 @@ class TestSampleFlight:
                     return job(*args, progress)
                 return await super().run(job, *args, progress=progress)
 
-        monkeypatch.setattr(workbench, "Worker", AlsoFlies)
+        monkeypatch.setattr(desk, "Worker", AlsoFlies)
         monkeypatch.setattr(simulated, "read_log", lambda path: FlightLog(path.name, path, {"time_s": np.zeros(1)}))
         world = {"effects": [{"effect": "hidden.ground_cushion"}]}
         made = Workbench(tmp_path, Simulation(simulate, ROOT / "missions", tmp_path, None, world))
@@ -724,7 +724,7 @@ class TestRefit:
         return bench
 
     def test_other_parameters_are_a_step(self, fitted: Workbench) -> None:
-        assert fitted.session.rungs[-1].name == "refitted" and fitted.can_undo
+        assert fitted.session.rungs[-1].name == "refitted" and fitted.history.can_undo
         (effect,) = fitted.session.rungs[-1].model.effects
         assert effect.values()["a"] == pytest.approx(0.3, abs=0.05)
 

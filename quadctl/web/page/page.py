@@ -202,6 +202,7 @@ class Page:
         return View(
             choices=replace(chosen, axis=chosen.axis or self._worst_axis),
             session=bench.session,
+            history=bench.history,
             opened=bench.opened,
             results=bench.results,
             work=bench.work,
@@ -210,8 +211,6 @@ class Page:
             as_read=bench.as_read,
             waiting=bench.waiting,
             windows=bench.windows,
-            can_undo=bench.can_undo,
-            can_redo=bench.can_redo,
             hidden=bench.simulation.hidden,
             vehicles=tuple(self.intake.vehicles),
             own_vehicles=tuple(self.intake.own_vehicles),

@@ -15,6 +15,7 @@ from quadctl.vehicle import Vehicle
 from quadctl.web.elements.theme import Theme
 from quadctl.web.panels.choices import FILE, Choices
 from quadctl.web.session.earlier import Earlier, earlier_sessions
+from quadctl.web.session.history import History
 from quadctl.web.session.session import Session
 from quadctl.web.work.jobs import Opened
 from quadctl.web.work.state import Gathered, Message, Results, Work
@@ -34,6 +35,7 @@ class View:
     choices: Choices
     """Choices of the tab, with the axis that is shown where none was chosen."""
     session: Session
+    history: History
     opened: Opened
     results: Results
     work: Work | None
@@ -45,8 +47,6 @@ class View:
     """Names of files that were dropped, and that wait for the work in progress."""
     windows: int
     """Number of windows and tabs of browsers that show the session."""
-    can_undo: bool
-    can_redo: bool
     hidden: Path | None
     """File of the simulated world; None: the world is as the model says."""
     vehicles: tuple[Path, ...]
@@ -194,6 +194,7 @@ OWNERS: dict[str | None, Any] = {
     None: View,
     "choices": Choices,
     "session": Session,
+    "history": History,
     "opened": Opened,
     "results": Results,
 }

@@ -121,10 +121,9 @@ class Session:
 
     def judged(self, error_m_s2: float, floor_m_s2: float | None = None) -> "Session":
         """Session with the error and the reference error of the current step, m/s²."""
-        rung = replace(self.rungs[self.current], error_m_s2=error_m_s2, floor_m_s2=floor_m_s2)
-        return replace(self, rungs=(*self.rungs[: self.current], rung, *self.rungs[self.current + 1 :]))
+        return self.with_errors({self.current: (error_m_s2, floor_m_s2)})
 
-    def with_errors(self, errors: Mapping[int, tuple[float, float]]) -> "Session":
+    def with_errors(self, errors: Mapping[int, tuple[float, float | None]]) -> "Session":
         """Session with the error and the reference error, m/s², of some of its steps, by their numbers."""
         rungs = list(self.rungs)
         for step, (error, floor) in errors.items():
