@@ -7,7 +7,7 @@ import typer
 
 from quadctl.cli.app import app
 from quadctl.cli.inputs import find
-from quadctl.cli.output import JsonOption, print_saved, say, write_json
+from quadctl.cli.output import CurvesOption, ForceOption, JsonOption, print_saved, say, write_json
 from quadctl.cli.overwriting import Reads, Writes, refuse_existing
 from quadctl.model import save_model
 from quadctl.vehicle import load_vehicle
@@ -37,13 +37,9 @@ def ground_curve(
     surface: Annotated[
         str | None, typer.Option("--surface", metavar="NAME", help="One surface for the model file, in place of all.")
     ] = None,
-    plot: Annotated[
-        Path | None,
-        Writes(),
-        typer.Option("--plot", metavar="FILE.png", help="Draw the measured points and the fitted curves."),
-    ] = None,
+    plot: CurvesOption = None,
     json_out: JsonOption = None,
-    force: Annotated[bool, typer.Option("--force", help="Overwrite files of earlier runs.")] = False,
+    force: ForceOption = False,
 ) -> None:
     """Fit every ground-effect formula to thrusts measured at several heights, rank them, and write a model file."""
     from quadctl.ground_curve.measurement import read_measurement

@@ -44,6 +44,9 @@ LogArguments = Annotated[
 MaybeLogs = Annotated[
     list[Path] | None, Reads(), typer.Argument(metavar="LOG...", help=f"Flight logs: {', '.join(suffixes())}.")
 ]
+NewModelOption = Annotated[
+    Path, Writes(), typer.Option("-o", "--output", metavar="NEW.yaml", help="The new model file.")
+]
 HtmlOption = Annotated[Path | None, Writes(), typer.Option("--html", metavar="OUT", help="Write a report with plots.")]
 HoldOutOption = Annotated[
     str,
@@ -193,7 +196,7 @@ def add(
     ],
     model: ModelArgument,
     logs: LogArguments,
-    output: Annotated[Path, Writes(), typer.Option("-o", "--output", metavar="NEW.yaml", help="The new model file.")],
+    output: NewModelOption,
     json_out: JsonOption = None,
     html: HtmlOption = None,
     hold_out: HoldOutOption = "blocks",
@@ -237,7 +240,7 @@ def verify(
 def surfaces(
     model: ModelArgument,
     logs: LogArguments,
-    output: Annotated[Path, Writes(), typer.Option("-o", "--output", metavar="NEW.yaml", help="The new model file.")],
+    output: NewModelOption,
     json_out: JsonOption = None,
     hold_out: HoldOutOption = "blocks",
 ) -> None:
@@ -253,7 +256,7 @@ def surfaces(
 def fit(
     model: ModelArgument,
     logs: LogArguments,
-    output: Annotated[Path, Writes(), typer.Option("-o", "--output", metavar="NEW.yaml", help="The new model file.")],
+    output: NewModelOption,
     json_out: JsonOption = None,
     hold_out: HoldOutOption = "blocks",
     unseen: UnseenOption = None,
@@ -292,7 +295,7 @@ def _print_lag(lag_s: float, output: Path) -> None:
 def remove(
     effect: Annotated[str, typer.Argument(metavar="EFFECT", help="Name, family or variant of an effect of the model.")],
     model: ModelArgument,
-    output: Annotated[Path, Writes(), typer.Option("-o", "--output", metavar="NEW.yaml", help="The new model file.")],
+    output: NewModelOption,
     logs: Annotated[
         list[Path] | None, Reads(), typer.Argument(metavar="LOG...", help="Flight logs to refit the other effects on.")
     ] = None,
@@ -322,11 +325,7 @@ def remove(
 def discover(
     model: ModelArgument,
     logs: LogArguments,
-    output: Annotated[
-        Path,
-        Writes(),
-        typer.Option("-o", "--output", metavar="NEW.yaml", help="The model file with the effects found."),
-    ],
+    output: NewModelOption,
     json_out: JsonOption = None,
     html: HtmlOption = None,
     hold_out: HoldOutOption = "blocks",

@@ -11,6 +11,12 @@ from quadctl.cli.overwriting import Writes
 from quadctl.files import write_text
 
 JsonOption = Annotated[Path | None, Writes(), typer.Option("--json", metavar="OUT", help="Write the result as JSON.")]
+CurvesOption = Annotated[
+    Path | None,
+    Writes(),
+    typer.Option("--plot", metavar="FILE.png", help="Draw the measured points and the fitted curves."),
+]
+ForceOption = Annotated[bool, typer.Option("--force", help="Overwrite files of earlier runs.")]
 
 
 def say(text: str, style: str | None = None, end: str = "\n") -> None:

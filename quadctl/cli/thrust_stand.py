@@ -11,7 +11,7 @@ import typer
 
 from quadctl.cli.app import app, console
 from quadctl.cli.inputs import find
-from quadctl.cli.output import JsonOption, print_saved, say, write_json
+from quadctl.cli.output import CurvesOption, ForceOption, JsonOption, print_saved, say, write_json
 from quadctl.cli.overwriting import Reads, Writes, refuse_existing
 from quadctl.errors import FlightError
 from quadctl.files import write_text
@@ -79,13 +79,9 @@ def thrust_stand(
     safe: Annotated[
         bool, typer.Option("--yes-props-are-safe", help="The vehicle is fixed and nobody is near: do not ask.")
     ] = False,
-    plot: Annotated[
-        Path | None,
-        Writes(),
-        typer.Option("--plot", metavar="FILE.png", help="Draw the measured points and the fitted curves."),
-    ] = None,
+    plot: CurvesOption = None,
     json_out: JsonOption = None,
-    force: Annotated[bool, typer.Option("--force", help="Overwrite files of earlier runs.")] = False,
+    force: ForceOption = False,
 ) -> None:
     """Find a rotor's thrust over rpm and throttle, on a stand or from a CSV, and put it into the vehicle file."""
     from quadctl.settings_text import with_numbers

@@ -48,9 +48,10 @@ from quadctl.web.panels.evidence import chosen_of, rival_of
 from quadctl.web.panels.fails import Failures
 from quadctl.web.panels.glossary import GLOSSARY
 from quadctl.web.panels.help import KEYS
-from quadctl.web.panels.missing import OF_BLOCKS, Verdict, as_drawn, beside_the_motion, on_whole_flights
+from quadctl.web.panels.overview import as_drawn, beside_the_motion
 from quadctl.web.panels.panel import Controls, Panel
 from quadctl.web.panels.stack import BEYOND, NUISANCES, SAME_CAUSE, apart_in_words, kind_in_words, limited_in_words
+from quadctl.web.panels.verdict import OF_BLOCKS, Verdict, on_whole_flights
 from quadctl.web.panels.view import OWNERS, View, owner_of
 from quadctl.web.session.findings import Diagnosed, Findings
 from quadctl.web.session.history import History

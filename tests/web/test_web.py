@@ -40,8 +40,8 @@ from quadctl.web.session.files import keep_expression, own_effects, places_of, r
 from quadctl.web.session.findings import Findings, require_formula
 from quadctl.web.session.session import Rung, Session, load_session, session_to_yaml
 from quadctl.web.work import jobs
-from quadctl.web.work.jobs import log_names
 from quadctl.web.work.predictions import predictions
+from quadctl.web.work.reading import log_names
 from quadctl.web.work.worker import CancelledError, Worker
 from tests.support.flights import obedient
 from tests.support.places import ROOT

@@ -24,7 +24,7 @@ from quadctl.lab.evaluation import Evaluation, errors_of
 from quadctl.lab.flights.dataset import Dataset, load_dataset
 from quadctl.lab.flights.preparation import MAX_BANDWIDTH_HZ
 from quadctl.lab.selection.diagnosis import diagnose
-from quadctl.lab.study import Study
+from quadctl.lab.study import Study, quiet
 from quadctl.logs.findings import Kind, finding
 from quadctl.logs.flight_log import FlightLog
 from quadctl.logs.quality import ChannelQuality, QualityReport, quality
@@ -69,11 +69,11 @@ class Here:
     async def run(self, job: Callable[..., Any], *args: Any, progress: Callable[[str], None]) -> Any:
         await self.go_on.wait()
         if job is reading.read_logs:
-            return []
+            return [reading.OpenedLog(path, problem=_problem(path)) for path in args[0]]
         if job is not jobs.open_logs:
             raise CancelledError
-        self.opened.append(tuple(path.name for path in args[0]))
-        return Opened([reading.OpenedLog(path, problem=_problem(path)) for path in args[0]], None, None)
+        self.opened.append(tuple(log.path.name for log in args[0]))
+        return Opened(args[0])
 
     def cancel(self) -> None:
         """Nothing: it is never cancelled."""
@@ -611,6 +611,17 @@ class TestOtherModel:
         assert bench.other_model is not None and bench.session is session
 
 
+def opened_logs(
+    paths: list[Path],
+    vehicle: Vehicle,
+    accepted: frozenset[Path] = frozenset(),
+    known: list[reading.OpenedLog] | None = None,
+) -> Opened:
+    """The logs, read and prepared as the worker does it."""
+    read = reading.read_logs(paths, known or [], quiet)
+    return jobs.open_logs(read, frozenset(), vehicle, "blocks", accepted, quiet)
+
+
 class TestOpening:
     @pytest.fixture
     def read(self, monkeypatch: pytest.MonkeyPatch, raptor: Vehicle) -> list[str]:
@@ -621,7 +632,7 @@ class TestOpening:
             seen.append(path.name)
             return obedient(load_model(RAPTOR), 20.0, name=path.name)
 
-        monkeypatch.setattr(jobs, "read_log", reading)
+        monkeypatch.setattr("quadctl.web.work.reading.read_log", reading)
         return seen
 
     def test_a_log_is_read_once_unless_it_changes(self, tmp_path: Path, raptor: Vehicle, read: list[str]) -> None:
@@ -630,9 +641,9 @@ class TestOpening:
         b.write_text("2")
 
         def open_both(vehicle: Vehicle, known: list[reading.OpenedLog]) -> list[reading.OpenedLog]:
-            return jobs.open_logs([a, b], frozenset(), vehicle, "blocks", known, frozenset(), lambda text: None).logs
+            return opened_logs([a, b], vehicle, known=known).logs
 
-        one = jobs.open_logs([a], frozenset(), raptor, "blocks", [], frozenset(), lambda text: None).logs
+        one = opened_logs([a], raptor).logs
         both = open_both(raptor, one)
         assert read == ["a.csv", "b.csv"]
         assert both[0] is one[0]
@@ -641,6 +652,16 @@ class TestOpening:
         a.write_text("changed")
         open_both(raptor, both)
         assert read == ["a.csv", "b.csv", "a.csv"]
+
+    def test_a_copy_is_used_when_its_original_is_left_out(
+        self, tmp_path: Path, raptor: Vehicle, read: list[str]
+    ) -> None:
+        a, b = tmp_path / "a.csv", tmp_path / "b.csv"
+        for path in (a, b):
+            path.touch()
+        both = opened_logs([a, b], raptor)
+        assert both.usable == [a] and "holds the same flight as a.csv" in both.logs[1].problem
+        assert opened_logs([b], raptor, known=both.logs).usable == [b] and read == ["a.csv", "b.csv"]
 
 
 class TestErrorsOfAllSteps:
@@ -855,13 +876,12 @@ class TestDoubts:
             log = obedient(load_model(RAPTOR), 20.0, noise_m_s=0.01, seed=seed, name=path.name)
             return replace(log, meta=said[path.name])
 
-        monkeypatch.setattr(jobs, "read_log", reading)
+        monkeypatch.setattr("quadctl.web.work.reading.read_log", reading)
         return said
 
     def opened(self, vehicle: Vehicle, metas: dict[str, dict[str, Any]], *accepted: str) -> jobs.Opened:
         paths = [Path(name) for name in metas]
-        answered = frozenset(Path(name) for name in accepted)
-        return jobs.open_logs(paths, frozenset(), vehicle, "blocks", [], answered, lambda text: None)
+        return opened_logs(paths, vehicle, frozenset(Path(name) for name in accepted))
 
     def test_another_mass_is_asked_about(self, raptor: Vehicle, metas: dict[str, dict[str, Any]]) -> None:
         metas["a.csv"] = {"vehicle": {"name": raptor.name, "mass_kg": 1.9}}

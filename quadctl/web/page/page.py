@@ -23,6 +23,7 @@ from quadctl.web.panels.help import help_dialog
 from quadctl.web.panels.ladder import Ladder
 from quadctl.web.panels.panel import Panel, Tab
 from quadctl.web.panels.stack import Stack, limited_in_words
+from quadctl.web.panels.verdict import Verdict
 from quadctl.web.panels.view import View
 from quadctl.web.work.state import Message
 from quadctl.web.work.worker import CancelledError
@@ -356,7 +357,7 @@ class Page:
     async def save_report(self) -> None:
         with suppress(CancelledError):
             session, results = self.bench.session, self.bench.results
-            verdict = missing.Verdict.of(self.view())
+            verdict = Verdict.of(self.view())
             about_flights: list[str] = []
             if results.evaluation is not None:
                 agreement = results.evaluation.agreement

@@ -13,9 +13,9 @@ from quadctl.lab.flights.prediction import AXES
 from quadctl.logs.columns import motor_columns
 from quadctl.logs.events import events_of
 from quadctl.logs.flight_log import FlightLog
-from quadctl.web.elements.html import empty, heading, plot, tag
+from quadctl.web.elements.html import empty, heading, plot, table, tag
 from quadctl.web.elements.theme import Theme
-from quadctl.web.elements.upload import StreamedUpload
+from quadctl.web.elements.upload import StreamedUpload, choose_button
 from quadctl.web.figures.channels import (
     Statistics,
     channel_timeline,
@@ -86,9 +86,7 @@ class OverTime(ChosenFlightPanel):
             upload = StreamedUpload()
             do.intake.receive(upload, lambda files: do.act(do.take_model(files[0])))
             upload.props('accept=".yaml,.yml"').classes("hidden")
-            choose = ui.button("From a file", icon="file_open").props("flat dense no-caps")
-            # In the browser itself: only there does a click open the window in which files are chosen.
-            choose.on("click", js_handler=f"() => runMethod({upload.id}, 'pickFiles', [])")
+            choose_button(upload, "From a file", "file_open", "flat dense")
 
 
 @dataclass(frozen=True)
@@ -157,33 +155,25 @@ def _draw_events(log: FlightLog) -> None:
     with (
         ui.expansion(f"Modes, messages and parameter changes of {log.name} ({len(found)})").classes("more"),
         tag("div", "scroll tall").props('tabindex="0"'),
-        tag("table", "small"),
     ):
-        with tag("tr"):
-            tag("th", "number", "time / s")
-            tag("th", "", "event")
-        for event in found:
-            with tag("tr"):
-                tag("td", "number", f"{event.time_s:.2f}")
-                tag("td", "", event.what)
+        rows = [(f"{event.time_s:.2f}", event.what) for event in found]
+        table("small", {"time / s": "number", "event": ""}, rows)
 
 
 def _draw_statistics(found: Mapping[tuple[str, str], Statistics]) -> None:
     several = len({flight for flight, _ in found}) > 1
-    with tag("div", "scroll").props('tabindex="0"'), tag("table", "small"):
-        with tag("tr"):
-            for head in ("flight", "channel") if several else ("channel",):
-                tag("th", "", head)
-            for head in ("mean", "std", "min", "max", "rate / Hz"):
-                tag("th", "number", head)
-        for (flight, column), values in found.items():
-            with tag("tr"):
-                if several:
-                    tag("td", "", flight)
-                tag("td", "", in_words(column))
-                for value in values[:-1]:
-                    tag("td", "number", f"{value:.4g}".replace("-", "\u2212"))
-                tag("td", "number", f"{values.rate_hz:.1f}" if np.isfinite(values.rate_hz) else "\u2013")
+    numbers = dict.fromkeys(("mean", "std", "min", "max", "rate / Hz"), "number")
+    rows = [
+        (
+            *((flight,) if several else ()),
+            in_words(column),
+            *(f"{value:.4g}".replace("-", "\u2212") for value in values[:-1]),
+            f"{values.rate_hz:.1f}" if np.isfinite(values.rate_hz) else "\u2013",
+        )
+        for (flight, column), values in found.items()
+    ]
+    with tag("div", "scroll").props('tabindex="0"'):
+        table("small", {**({"flight": ""} if several else {}), "channel": "", **numbers}, rows)
 
 
 TAB = Tab("time", "Over time", "timeline", (OverTime, AnyChannel))

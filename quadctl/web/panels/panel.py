@@ -4,10 +4,11 @@ So a figure that a person has zoomed into stays as it is while work goes on else
 """
 
 from abc import ABC, abstractmethod
-from collections.abc import Awaitable, Sequence
+from collections.abc import Awaitable, Callable, Sequence
 from dataclasses import dataclass, fields
 from typing import Any, NamedTuple, Protocol, Self
 
+from nicegui import ui
 from nicegui.elements.mixins.disableable_element import DisableableElement
 
 from quadctl.web.elements.upload import SentFile
@@ -67,6 +68,19 @@ class Panel(ABC):
     @abstractmethod
     def draw(self, do: Controls) -> None:
         """Draw the fields, and nothing else, at the present place of the page."""
+
+
+def work_button(
+    do: Controls,
+    label: str,
+    work: Callable[[], Awaitable[None]],
+    props: str,
+    icon: str | None = None,
+    allowed: bool = True,
+) -> None:
+    """Draw a button that begins some work: it is enabled only while none is done, and only where it is `allowed`."""
+    button = ui.button(label, icon=icon, on_click=lambda: do.act(work()))
+    do.when_idle(button.props(f"no-caps {props}"), allowed)
 
 
 def _same(one: Any, other: Any) -> bool:

@@ -28,9 +28,9 @@ from quadctl.vehicle_draft.frames import (
 from quadctl.vehicle_draft.questions import ITS_NUMBERS, NEW_VEHICLE, Question, wrong
 from quadctl.web.elements.html import heading, tag
 from quadctl.web.elements.theme import Theme
-from quadctl.web.elements.upload import StreamedUpload
+from quadctl.web.elements.upload import StreamedUpload, choose_button
 from quadctl.web.figures.rotors import rotors_svg
-from quadctl.web.panels.panel import Controls, Panel
+from quadctl.web.panels.panel import Controls, Panel, work_button
 from quadctl.web.session.files import vehicle_in
 
 TEMPLATE = """\
@@ -128,14 +128,11 @@ class VehicleChoice(Panel):
                 upload = StreamedUpload()
                 do.intake.receive(upload, do.take_files)
                 upload.props('accept=".yaml,.yml"').classes("hidden")
-                choose = ui.button("Choose a file", icon="file_open").props("no-caps outline")
-                # In the browser itself: only there does a click open the window in which files are chosen.
-                choose.on("click", js_handler=f"() => runMethod({upload.id}, 'pickFiles', [])")
+                choose_button(upload, "Choose a file", "file_open", "outline")
                 tag("p", "muted", "Or write it here:")
                 text = TEMPLATE if vehicle is None else _as_text(_content(vehicle))
                 box = ui.textarea("Vehicle file", value=text).props("outlined").classes("yaml")
-                use = ui.button("Use this file", on_click=lambda: do.act(do.intake.use_vehicle(box.value)))
-                do.when_idle(use.props("no-caps outline"))
+                work_button(do, "Use this file", lambda: do.intake.use_vehicle(box.value), "outline")
 
     def _entered(self) -> Answers | None:
         """Answers of the form from which the vehicle in use was made; None of one from a file, which assumes nothing,
@@ -210,10 +207,9 @@ def _draw_numbers(do: Controls, vehicle: Vehicle, theme: Theme) -> None:
         }
         if "assumed" in content:
             content["assumed"] = [name for name in content["assumed"] if not entered.get(name, False)]
-        await do.act(do.intake.use_vehicle(_as_text(content), from_a_form=True))
+        await do.intake.use_vehicle(_as_text(content), from_a_form=True)
 
-    button = ui.button("Use these numbers", on_click=use)
-    do.when_idle(button.props("no-caps unelevated"))
+    work_button(do, "Use these numbers", use, "unelevated")
 
 
 class _NewVehicle:
@@ -251,8 +247,7 @@ class _NewVehicle:
             field.on_value_change(self._draw_rotors)
         self._draw_rotors()
         tag("p", "muted", ASSUMED)
-        use = ui.button("Use this vehicle", on_click=self._use)
-        do.when_idle(use.props("no-caps unelevated"))
+        work_button(do, "Use this vehicle", self._use, "unelevated")
 
     def _ask(self, name: str, value: float | None) -> ui.number:
         self._numbers[name] = _number(NEW_VEHICLE[name], value)
@@ -320,7 +315,7 @@ class _NewVehicle:
         diagonal_m = value.pop("diagonal_m")
         value["arm_m"] = None if diagonal_m is None else 0.5 * diagonal_m
         answers = Answers(self._name.value.strip(), frame=None if self._as_logged else self._frame.value)
-        await self._do.act(self._do.intake.use_new_vehicle(answers._replace(**value), self._parameters))
+        await self._do.intake.use_new_vehicle(answers._replace(**value), self._parameters)
 
 
 def _number(question: Question, value: float | None) -> ui.number:

@@ -1,7 +1,6 @@
 """The long work of the page: functions that a `Worker` runs. Each takes `progress`, and what it takes and gives can be
 sent from process to process."""
 
-from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -24,15 +23,13 @@ from quadctl.lab.study import Study
 from quadctl.lab.tracking.step_response import StepResponses
 from quadctl.logs.flight_log import FlightLog
 from quadctl.logs.quality import quality
-from quadctl.logs.read import read_log
 from quadctl.logs.record.copies import copies
 from quadctl.model import Model
 from quadctl.vehicle import Vehicle
-from quadctl.web.session.files import without_folder
 from quadctl.web.session.findings import Findings
 from quadctl.web.session.session import Rung
 from quadctl.web.work.doubts import cautions_of, doubt_beside, doubt_of, firmware, names_its_vehicle
-from quadctl.web.work.reading import OpenedLog, stamp_of
+from quadctl.web.work.reading import OpenedLog
 from quadctl.web.work.worker import Progress
 
 
@@ -107,36 +104,20 @@ class Climbed:
 
 
 def open_logs(
-    paths: Sequence[Path],
+    read: Sequence[OpenedLog],
     unseen: frozenset[Path],
     vehicle: Vehicle,
     hold_out: HoldOut,
-    known: Sequence[OpenedLog],
     accepted: frozenset[Path],
     progress: Progress,
 ) -> Opened:
-    """Read and prepare logs; one that cannot be used does not spoil the others.
+    """Prepare logs that were read; one that cannot be used does not spoil the others.
 
-    Those of `known` that have not changed since are not read again. One that seems to be of another vehicle is not used
-    unless it is among the `accepted`.
+    Those that are prepared for the vehicle already stay as they are. One that seems to be of another vehicle is not
+    used unless it is among the `accepted`.
     """
-    before = {log.path: log for log in known}
-    opened = []
-    for path, name in zip(paths, log_names(paths), strict=True):
-        known_log, stamp = before.get(path), stamp_of(path)
-        if known_log is not None and known_log.log is not None and known_log.stamp == stamp is not None:
-            if known_log.vehicle is None:
-                progress(f"preparing {name}")
-            opened.append(_renamed(known_log, known_log.log, name, vehicle))
-            continue
-        progress(f"reading {name}")
-        try:
-            log = replace(read_log(path), name=name)
-        except QuadctlError as error:
-            opened.append(OpenedLog(path, problem=without_folder(str(error), path), stamp=stamp))
-            continue
-        opened.append(_prepared(OpenedLog(path, log, quality(log), stamp=stamp), log, vehicle))
-    opened = _doubted(_without_twins(opened), vehicle, accepted)
+    prepared = [_prepared(one, vehicle, progress) for one in read]
+    opened = _doubted(_without_twins(prepared), vehicle, accepted)
     fitted, kept = (
         [o.flight for o in opened if o.flight and not o.doubt and (o.path in unseen) == held_out]
         for held_out in (False, True)
@@ -187,31 +168,17 @@ def _thrust_source(opened: OpenedLog) -> str | None:
     return None if opened.quality is None else opened.quality.thrust_source
 
 
-def _renamed(opened: OpenedLog, log: FlightLog, name: str, vehicle: Vehicle) -> OpenedLog:
-    """The log under another name, for another vehicle."""
-    if (log.name, opened.vehicle) == (name, vehicle):
-        return opened
-    named = replace(log, name=name)
-    return _prepared(replace(opened, log=named, quality=quality(named)), named, vehicle)
-
-
-def _prepared(opened: OpenedLog, log: FlightLog, vehicle: Vehicle) -> OpenedLog:
+def _prepared(opened: OpenedLog, vehicle: Vehicle, progress: Progress) -> OpenedLog:
     """The log with its flight, or with the problem that keeps it from being analysed."""
+    log = opened.log
+    if log is None or (opened.flight is not None and opened.vehicle == vehicle):
+        return opened
+    progress(f"preparing {log.name}")
+    known = replace(opened, quality=opened.quality or quality(log), vehicle=vehicle)
     try:
-        return replace(opened, flight=prepare(log, vehicle), problem="", vehicle=vehicle)
+        return replace(known, flight=prepare(log, vehicle), problem="")
     except QuadctlError as error:
-        return replace(opened, flight=None, problem=str(error), vehicle=vehicle)
-
-
-def log_names(paths: Sequence[Path]) -> list[str]:
-    """The names of the files; where several are called the same, with the folder that each is in."""
-    same = Counter(path.name for path in paths)
-    folders = Counter((path.name, path.parent.name) for path in paths)
-
-    def folder(path: Path) -> str:
-        return path.parent.name if folders[path.name, path.parent.name] == 1 else str(path.parent)
-
-    return [path.name if same[path.name] == 1 else f"{path.name} ({folder(path)})" for path in paths]
+        return replace(known, flight=None, problem=str(error))
 
 
 def _dataset(flights: Sequence[Flight], hold_out: HoldOut = "blocks") -> Dataset | None:

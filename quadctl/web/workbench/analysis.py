@@ -89,11 +89,10 @@ class Analysis(Desk):
                 self._changed()
                 opened = await self._quick.run(
                     jobs.open_logs,
-                    session.logs,
+                    read,
                     session.unseen,
                     session.rung.model.vehicle,
                     session.hold_out,
-                    read,
                     self.accepted,
                     progress=progress,
                 )

@@ -26,9 +26,9 @@ from quadctl.web.session.files import (
     upload_path,
     vehicle_in,
     vehicle_path,
-    without_folder,
 )
 from quadctl.web.session.session import load_session
+from quadctl.web.work.reading import without_folder
 from quadctl.web.workbench.workbench import Workbench
 
 

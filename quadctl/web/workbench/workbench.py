@@ -12,10 +12,11 @@ from quadctl.lab.report.results import Shown
 from quadctl.model import Model, load_model, model_to_dict
 from quadctl.vehicle import Vehicle
 from quadctl.web.session.earlier import free_name
-from quadctl.web.session.files import changed_logs, without_folder
+from quadctl.web.session.files import changed_logs
 from quadctl.web.session.history import History
 from quadctl.web.session.session import Session, load_session
 from quadctl.web.work import jobs
+from quadctl.web.work.reading import without_folder
 from quadctl.web.workbench.analysis import Analysis
 
 
