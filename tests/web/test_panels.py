@@ -108,6 +108,11 @@ class TestPanel:
         for name in called:
             assert get_type_hints(getattr(Workbench, name))["return"] is type(None), name
 
+    def test_what_panels_choose_is_a_choice_of_the_tab(self) -> None:
+        code = "".join(path.read_text() for path in (ROOT / "quadctl" / "web" / "panels").glob("*.py"))
+        named = set(re.findall(r"\bdo\.choose[(,]\s*(\w+)=", code))
+        assert len(named) > 5 and named <= {field.name for field in fields(Choices)}
+
     def test_fields_that_cannot_be_compared_by_value_are_compared_by_identity(self) -> None:
         @dataclass(frozen=True)
         class Numbers(Panel):
