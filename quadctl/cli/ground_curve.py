@@ -7,8 +7,8 @@ import typer
 
 from quadctl.cli.app import app
 from quadctl.cli.inputs import find
-from quadctl.cli.output import ForceOption, JsonOption, PlotOption, print_saved, refuse_existing, say, write_json
-from quadctl.cli.overwriting import Reads, Writes
+from quadctl.cli.output import CurvesOption, ForceOption, JsonOption, print_saved, say, write_json
+from quadctl.cli.overwriting import Reads, Writes, refuse_existing
 from quadctl.model import save_model
 from quadctl.vehicle import load_vehicle
 
@@ -37,7 +37,7 @@ def ground_curve(
     surface: Annotated[
         str | None, typer.Option("--surface", metavar="NAME", help="One surface for the model file, in place of all.")
     ] = None,
-    plot: PlotOption = None,
+    plot: CurvesOption = None,
     json_out: JsonOption = None,
     force: ForceOption = False,
 ) -> None:

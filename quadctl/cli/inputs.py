@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from quadctl.cli.app import console
+from quadctl.cli.output import say
 from quadctl.cli.overwriting import check_read
 from quadctl.installed import describe, is_installed, locate
 
@@ -13,7 +13,7 @@ def find(path: Path | None) -> Path | None:
         return None
     found = locate(path)
     if is_installed(found):
-        say_used(str(path), found)
+        say(describe(str(path), found))
     return found
 
 
@@ -32,7 +32,7 @@ def find_mission(path: Path) -> Path:
 def find_missions(folder: Path) -> Path:
     """Callback of an argument or option that names the folder of the missions: says which one is used."""
     found = locate(folder)
-    say_used("missions", found)
+    say(describe("missions", found))
     return found
 
 
@@ -42,9 +42,5 @@ def find_configuration(given: Path | None, mission: Path) -> Path:
 
     path = find_config(given, mission)
     check_read(path)
-    say_used("configuration", path)
+    say(describe("configuration", path))
     return path
-
-
-def say_used(what: str, path: Path) -> None:
-    console.print(describe(what, path), soft_wrap=True, markup=False, highlight=False)

@@ -2,17 +2,16 @@
 
 import shlex
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from quadctl import lab
 from quadctl.cli.app import app, console
 from quadctl.cli.inputs import find, find_missions
-from quadctl.cli.output import JsonOption, print_saved, write_json
+from quadctl.cli.output import JsonOption, print_saved, say, write_json
 from quadctl.cli.overwriting import Reads, Writes, WritesInto
 from quadctl.cli.sensors import (
     PlotOption,
@@ -23,10 +22,12 @@ from quadctl.cli.sensors import (
     refuse_beside_sensors,
 )
 from quadctl.files import write_text
-from quadctl.logs.formats import CONVERTERS, suffixes
+from quadctl.logs.formats import suffixes
 
 if TYPE_CHECKING:
-    from quadctl.logs.flight_log import FlightLog
+    from quadctl.lab.comparison.unseen_flights import Judgement
+    from quadctl.lab.study import Study
+    from quadctl.model import Model
 
 MAX_NUMBER = 1e9
 """Largest height or time on the command line, m or s."""
@@ -41,6 +42,9 @@ LogArguments = Annotated[
 ]
 MaybeLogs = Annotated[
     list[Path] | None, Reads(), typer.Argument(metavar="LOG...", help=f"Flight logs: {', '.join(suffixes())}.")
+]
+NewModelOption = Annotated[
+    Path, Writes(), typer.Option("-o", "--output", metavar="NEW.yaml", help="The new model file.")
 ]
 HtmlOption = Annotated[Path | None, Writes(), typer.Option("--html", metavar="OUT", help="Write a report with plots.")]
 HoldOutOption = Annotated[
@@ -90,9 +94,9 @@ def compare(
         refuse_beside_sensors(html=html)
         compare_sensors(logs, json_out, plot)
         return
-    loaded, data = _model_and_data(model, logs, "blocks")
-    result = lab.compare(loaded, data)
-    _answer(result, data, json_out)
+    study = _study(model, logs)
+    result = study.compare()
+    _answer(result, study, json_out)
     _report(html, comparison=result)
 
 
@@ -134,22 +138,22 @@ def diagnose(
     from quadctl.lab.symbolic.effect_file import as_effect_file
 
     with parallel_config("loky", n_jobs=jobs):
-        loaded, data = _model_and_data(model, logs, hold_out)
+        study = _study(model, logs, hold_out)
         with console.status("diagnosing") as status:
-            result = lab.diagnose(loaded, data, progress=status.update, nested=nested)
+            result = study.diagnose(progress=status.update, nested=nested)
     console.print(result)
     if everything:
         console.print(result.details())
     if expression is not None and result.symbolic is not None:
         write_text(expression, as_effect_file(result.symbolic, "unexplained.found"))
-        console.print(f"Saved: {expression}", soft_wrap=True, markup=False, highlight=False)
+        print_saved(expression)
     elif expression is not None:
-        console.print(f"No expression was found: {expression} is not written.", soft_wrap=True, markup=False)
-    _print_notes(data)
-    _point_to_verify(loaded, data, model, logs)
+        say(f"No expression was found: {expression} is not written.")
+    _print_notes(study)
+    _point_to_verify(study, model, logs)
     write_json(json_out, result.to_dict())
     if html is not None:
-        _report(html, comparison=lab.compare(loaded, data), diagnosis=result)
+        _report(html, comparison=study.compare(), diagnosis=result)
 
 
 @app.command()
@@ -170,14 +174,14 @@ def suggest(
     from quadctl.lab.comparison.wording import on_terminal
     from quadctl.lab.planning.suggestion import suggest as run
 
-    loaded, data = _model_and_data(model, logs, hold_out)
+    study = _study(model, logs, hold_out)
     with console.status("diagnosing") as status:
-        diagnosis = lab.diagnose(loaded, data, progress=status.update)
+        diagnosis = study.diagnose(progress=status.update)
         status.update("flying the missions in thought")
         result = run(diagnosis, missions)
     found = replace(diagnosis, suggested_mission=None)  # its guess is from the effects' names alone
-    console.print(on_terminal("\n".join(found.lines())), soft_wrap=True, markup=False, highlight=False)
-    _answer(result, data, json_out)
+    say(on_terminal("\n".join(found.lines())))
+    _answer(result, study, json_out)
 
 
 @app.command()
@@ -191,7 +195,7 @@ def add(
     ],
     model: ModelArgument,
     logs: LogArguments,
-    output: Annotated[Path, Writes(), typer.Option("-o", "--output", metavar="NEW.yaml", help="The new model file.")],
+    output: NewModelOption,
     json_out: JsonOption = None,
     html: HtmlOption = None,
     hold_out: HoldOutOption = "blocks",
@@ -201,13 +205,13 @@ def add(
     from quadctl.effects import choose_effect
     from quadctl.model import load_model
 
-    kind, files = choose_effect(effect, "EFFECT", load_model(model).effect_files)
-    loaded, data = _model_and_data(model, logs, hold_out)
-    kept = _kept(unseen, logs, loaded)
-    result = lab.add(kind, replace(loaded, effect_files=files), data)
-    _answer(result, data, json_out, saved=(result.model, output), judged=_judged(loaded, result.model, kept))
+    loaded = load_model(model)
+    kind, files = choose_effect(effect, "EFFECT", loaded.effect_files)  # a wrong name is said before the logs are read
+    study = _study(replace(loaded, effect_files=files), logs, hold_out, unseen)
+    result = study.add(kind)
+    _answer(result, study, json_out, saved=(result.model, output))
     if html is not None:
-        _report(html, comparison=lab.compare(loaded, data), addition=result)
+        _report(html, comparison=study.compare(), addition=result)
 
 
 @app.command()
@@ -235,23 +239,23 @@ def verify(
 def surfaces(
     model: ModelArgument,
     logs: LogArguments,
-    output: Annotated[Path, Writes(), typer.Option("-o", "--output", metavar="NEW.yaml", help="The new model file.")],
+    output: NewModelOption,
     json_out: JsonOption = None,
     hold_out: HoldOutOption = "blocks",
 ) -> None:
     """Compare the ground effect over the surfaces that flights passed over, and fit one weight for each of them."""
     from quadctl.lab.selection.surfaces import compare_surfaces
 
-    loaded, data = _model_and_data(model, logs, hold_out)
-    result = compare_surfaces(loaded, data)
-    _answer(result, data, json_out, saved=(result.model, output))
+    study = _study(model, logs, hold_out)
+    result = compare_surfaces(study.model, study.seen)
+    _answer(result, study, json_out, saved=(result.model, output))
 
 
 @app.command()
 def fit(
     model: ModelArgument,
     logs: LogArguments,
-    output: Annotated[Path, Writes(), typer.Option("-o", "--output", metavar="NEW.yaml", help="The new model file.")],
+    output: NewModelOption,
     json_out: JsonOption = None,
     hold_out: HoldOutOption = "blocks",
     unseen: UnseenOption = None,
@@ -270,29 +274,27 @@ def fit(
             raise typer.BadParameter(f"--unseen judges a fit, but {model} holds no effect to fit")
         save_model(with_response(bare, response), output)
         _print_lag(response.lag_s, output)
-        console.print(f"{model} holds no effect to fit: quadctl discover finds them.", soft_wrap=True)
+        say(f"{model} holds no effect to fit: quadctl discover finds them.")
         print_saved(output)
         write_json(json_out, {"attitude_response": response.model_dump(mode="json")})
         return
-    loaded, data = _model_and_data(model, logs, hold_out)
-    kept = _kept(unseen, logs, loaded)
-    result = lab.fit(loaded, data)
+    study = _study(model, logs, hold_out, unseen)
+    result = study.refit()
     fitted = result.model if response is None else with_response(result.model, response)
-    _answer(result, data, json_out, saved=(fitted, output), judged=_judged(loaded, result.model, kept))
+    _answer(result, study, json_out, saved=(fitted, output))
     if response is not None:
         _print_lag(response.lag_s, output)
 
 
 def _print_lag(lag_s: float, output: Path) -> None:
-    sentence = f"The attitude follows its setpoint {lag_s:.2f} s later, which {output} holds in any case."
-    console.print(sentence, soft_wrap=True, markup=False)
+    say(f"The attitude follows its setpoint {lag_s:.2f} s later, which {output} holds in any case.")
 
 
 @app.command()
 def remove(
     effect: Annotated[str, typer.Argument(metavar="EFFECT", help="Name, family or variant of an effect of the model.")],
     model: ModelArgument,
-    output: Annotated[Path, Writes(), typer.Option("-o", "--output", metavar="NEW.yaml", help="The new model file.")],
+    output: NewModelOption,
     logs: Annotated[
         list[Path] | None, Reads(), typer.Argument(metavar="LOG...", help="Flight logs to refit the other effects on.")
     ] = None,
@@ -308,25 +310,21 @@ def remove(
         taken = held_effect(effect, loaded)
         save_model(without(taken, loaded), output)
         kept = "Nothing was refitted: the others keep the parameters that they had beside it."
-        console.print(f"{taken.name} is taken out. {kept}", soft_wrap=True, markup=False, highlight=False)
+        say(f"{taken.name} is taken out. {kept}")
         print_saved(output)
         write_json(json_out, {"removed": taken.name, "refitted": False})
         return
     held_effect(effect, load_model(model))  # a wrong name is said before the logs are read
-    loaded, data = _model_and_data(model, logs, hold_out)
-    result = lab.remove(effect, loaded, data)
-    _answer(result, data, json_out, saved=(result.model, output), refitted=True)
+    study = _study(model, logs, hold_out)
+    result = study.remove(effect)
+    _answer(result, study, json_out, saved=(result.model, output), refitted=True)
 
 
 @app.command()
 def discover(
     model: ModelArgument,
     logs: LogArguments,
-    output: Annotated[
-        Path,
-        Writes(),
-        typer.Option("-o", "--output", metavar="NEW.yaml", help="The model file with the effects found."),
-    ],
+    output: NewModelOption,
     json_out: JsonOption = None,
     html: HtmlOption = None,
     hold_out: HoldOutOption = "blocks",
@@ -339,12 +337,10 @@ def discover(
     from joblib import parallel_config
 
     with parallel_config("loky", n_jobs=jobs):
-        loaded, data = _model_and_data(model, logs, hold_out)
-        kept = _kept(unseen, logs, loaded)
+        study = _study(model, logs, hold_out, unseen)
         with console.status("discovering") as status:
-            result = lab.discover(loaded, data, progress=status.update, nested=nested)
-    judged = _judged(loaded, result.model, kept)
-    _answer(result, data, json_out, saved=(result.model, output), judged=judged)
+            result = study.discover(progress=status.update, nested=nested)
+    judged = _answer(result, study, json_out, saved=(result.model, output))
     if everything:
         console.print(result.diagnosis.details())
     last = result.additions[-1] if result.additions else None
@@ -367,9 +363,9 @@ def report(
     """Write a model, fitted to flights, for a paper: LaTeX, BibTeX and JSON."""
     from quadctl.lab.paper import paper_files, state
 
-    loaded, data = _model_and_data(model, logs, hold_out)
-    statement = state(loaded, data, shlex.join(["quadctl", *sys.argv[1:]]))
-    _print_notes(data)
+    study = _study(model, logs, hold_out)
+    statement = state(study.model, study.seen, shlex.join(["quadctl", *sys.argv[1:]]))
+    _print_notes(study)
     for name, text in paper_files(statement).items():
         write_text(paper / name, text)
         print_saved(paper / name)
@@ -416,168 +412,65 @@ def metrics(
     write_json(json_out, result.to_dict())
 
 
-@app.command("logs")
-def inspect_logs(
-    logs: LogArguments,
-    to: Annotated[
-        str | None, typer.Option("--to", metavar="|".join(CONVERTERS), help="Convert each log to this format too.")
-    ] = None,
-    output: Annotated[
-        Path | None,
-        WritesInto(),
-        typer.Option("-o", "--output", metavar="DIR", help="Folder to write to [default: beside each log]."),
-    ] = None,
-    by_map: Annotated[
-        Path | None,
-        Reads(),
-        typer.Option("--map", metavar="MAP.yaml", help="Read tables of another program by this map.", callback=find),
-    ] = None,
-    guess: Annotated[bool, typer.Option("--guess", help="Propose a map of one table, and print it.")] = False,
-    plot: Annotated[
-        Path | None,
-        Writes(),
-        typer.Option("--plot", metavar="PNG", help="Draw what each channel says beside what others say."),
-    ] = None,
-    json_out: JsonOption = None,
-) -> None:
-    """Inspect flight logs: true update rates, gaps, clock, and whether they can be analysed."""
-    from quadctl.logs.convert import convert
-    from quadctl.logs.quality import quality
-    from quadctl.logs.read import read_logs
-    from quadctl.logs.record.copies import marked
+def _study(
+    model: "Path | Model", logs: list[Path], hold_out: Any = "blocks", unseen: list[Path] | None = None
+) -> "Study":
+    """The model of a file on the flights of the logs; wrong usage of --hold-out ends as such."""
+    from quadctl.lab.study import HoldOutError, Study
+    from quadctl.logs.memory import give_memory_back
 
-    if guess and (by_map or plot or to or json_out or len(logs) != 1):
-        raise typer.BadParameter("--guess takes one table, and no other option")
-    if plot is not None and len(logs) != 1:
-        raise typer.BadParameter("--plot takes one log")
-    if guess:
-        _propose_map(logs[0])
-        return
-    reports = []
-    for log in marked(read_logs(logs) if by_map is None else list(_mapped(logs, by_map))):
-        if plot is not None:
-            from quadctl.logs.consistency_plot import draw
-
-            draw(log, plot)
-            print_saved(plot)
-        reports.append(quality(log))
-        console.print(reports[-1])
-        if to is not None:
-            console.print(f"Written: {convert(log, to, output)}", soft_wrap=True, markup=False, highlight=False)
-    write_json(json_out, {"logs": [report.to_dict() for report in reports]})
-
-
-def _propose_map(path: Path) -> None:
-    from quadctl.logs.consistency import complaints
-    from quadctl.logs.map_guess import as_yaml, proposed
-
-    by, log = proposed(path)
-    console.print(
-        as_yaml(by, f"A guess from {path.name}: check it with quadctl logs --map, and with its --plot"),
-        soft_wrap=True, markup=False, highlight=False, end="",
-    )  # fmt: skip
-    for sentence in complaints(log):
-        print(f"{path.name}: {sentence}", file=sys.stderr)
-
-
-def _mapped(paths: list[Path], by_map: Path) -> Iterator["FlightLog"]:
-    """The logs as the map reads them; what is wrong with one is printed, with the field that would mend it."""
-    from quadctl.logs.consistency import complaints
-    from quadctl.logs.map_guess import better_reading
-    from quadctl.logs.table import read_by_map
-
-    for path in paths:
-        log = read_by_map(path, by_map)
-        found = complaints(log)
-        if better := better_reading(path, by_map, log):
-            found.append(better)
-        for sentence in found:
-            console.print(f"{path.name}: {sentence}", soft_wrap=True, markup=False, highlight=False)
-        yield log
-
-
-def _point_to_verify(loaded: Any, dataset: Any, model: Path, logs: Sequence[Path]) -> None:
-    """Say which command sees what has changed since the model was fitted to other flights: a diagnosis fits it anew."""
-    from quadctl.lab.comparison.agreement import flights_of_the_fit
-
-    used, new = flights_of_the_fit(loaded, [flight.name for flight in dataset.flights])
-    if used and new:
-        console.print(
-            f"{model} was fitted to {', '.join(used)}, and here its parameters were fitted again before anything was "
-            f"called missing: whether they still hold says `quadctl verify {model} {' '.join(map(str, logs))}`.",
-            soft_wrap=True,
-            markup=False,
-            highlight=False,
-        )
+    try:
+        study = Study.of(model, logs, hold_out, unseen or None)
+    except HoldOutError as error:
+        raise typer.BadParameter(str(error).replace("hold_out", "--hold-out", 1)) from None
+    give_memory_back()  # the logs are as large as what is analysed
+    return study
 
 
 def _answer(
-    result: Any,
-    data: Any,
-    json_out: Path | None,
-    *,
-    saved: tuple[Any, Path] | None = None,
-    judged: Any = None,
-    **more: Any,
-) -> None:
-    """Save the model of a result where it has one, print the result, the notes on its flights and the judgement on
-    unseen ones, and write all of it as JSON."""
+    result: Any, study: "Study", json_out: Path | None, saved: "tuple[Model, Path] | None" = None, **more: Any
+) -> "Judgement | None":
+    """Save the model of a result where it has one, print the result, the judgement of that model on unseen flights and
+    the notes on its flights, and write all of it as JSON."""
     if saved is not None:
         from quadctl.model import save_model
 
         save_model(*saved)
     console.print(result)
+    judged = None if saved is None else study.judge(result.model)
     if judged is not None:
         console.print(judged)
         more["unseen_flights"] = judged.to_dict()
-    _print_notes(data)
+    _print_notes(study)
     if saved is not None:
         print_saved(saved[1])
     write_json(json_out, {**result.to_dict(), **more})
-
-
-def _kept(unseen: list[Path] | None, logs: list[Path], loaded: Any) -> Any:
-    """Flights kept from the fits to `logs`; None where there are none."""
-    if not unseen:
-        return None
-    from quadctl.logs.read import read_logs
-    from quadctl.logs.record.copies import refuse_copies
-
-    kept = read_logs(unseen)
-    refuse_copies(kept, read_logs(logs))
-    return lab.prepare_flights(kept, loaded.vehicle)
-
-
-def _judged(before: Any, after: Any, kept: Any) -> Any:
-    return None if kept is None else lab.judge(before, after, kept)
+    return judged
 
 
 def _report(html: Path | None, **results: Any) -> None:
     """Write a report, where one is asked for."""
-    if html is None:
-        return
-    from quadctl.lab.report.page import write_report
+    if html is not None:
+        from quadctl.lab.report.page import write_report
 
-    write_report(html, **results)
-    console.print(f"Report: {html}", soft_wrap=True, markup=False, highlight=False)
+        write_report(html, **results)
+        say(f"Report: {html}")
 
 
-def _print_notes(dataset: Any) -> None:
+def _print_notes(study: "Study") -> None:
     """Print which parts of the logs were left out, and why: a result on half a file must not look like one on all."""
-    for flight in dataset.flights:
+    for flight in study.seen.flights:
         for note in flight.notes:
-            console.print(f"{flight.name}: {note}", soft_wrap=True, markup=False, highlight=False)
+            say(f"{flight.name}: {note}")
 
 
-def _model_and_data(model: Path, logs: list[Path], hold_out: Any) -> tuple[Any, Any]:
-    from quadctl.lab.interface import HoldOutError, prepare_flights
-    from quadctl.logs.memory import give_memory_back
-    from quadctl.model import load_model
+def _point_to_verify(study: "Study", model: Path, logs: Sequence[Path]) -> None:
+    """Say which command sees what has changed since the model was fitted to other flights: a diagnosis fits it anew."""
+    from quadctl.lab.comparison.agreement import flights_of_the_fit
 
-    loaded = load_model(model)
-    try:
-        data = prepare_flights(logs, loaded.vehicle, hold_out)
-    except HoldOutError as error:  # wrong usage
-        raise typer.BadParameter(str(error).replace("hold_out", "--hold-out", 1)) from None
-    give_memory_back()  # the logs are as large as what is analysed
-    return loaded, data
+    used, new = flights_of_the_fit(study.model, study.seen.names)
+    if used and new:
+        say(
+            f"{model} was fitted to {', '.join(used)}, and here its parameters were fitted again before anything was "
+            f"called missing: whether they still hold says `quadctl verify {model} {' '.join(map(str, logs))}`."
+        )

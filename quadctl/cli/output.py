@@ -8,13 +8,10 @@ import typer
 
 from quadctl.cli.app import console
 from quadctl.cli.overwriting import Writes
-from quadctl.errors import QuadctlError
 from quadctl.files import write_text
 
 JsonOption = Annotated[Path | None, Writes(), typer.Option("--json", metavar="OUT", help="Write the result as JSON.")]
-
-
-PlotOption = Annotated[
+CurvesOption = Annotated[
     Path | None,
     Writes(),
     typer.Option("--plot", metavar="FILE.png", help="Draw the measured points and the fitted curves."),
@@ -22,9 +19,9 @@ PlotOption = Annotated[
 ForceOption = Annotated[bool, typer.Option("--force", help="Overwrite files of earlier runs.")]
 
 
-def say(*lines: object, style: str | None = None) -> None:
-    """Print lines as they are, without wrapping them."""
-    console.print("\n".join(map(str, lines)), style=style, soft_wrap=True, markup=False, highlight=False)
+def say(*lines: object, style: str | None = None, end: str = "\n") -> None:
+    """Print lines as they are: long ones stay whole, and nothing in them is taken for markup."""
+    console.print("\n".join(map(str, lines)), style=style, end=end, soft_wrap=True, markup=False, highlight=False)
 
 
 def print_saved(path: Path) -> None:
@@ -33,19 +30,6 @@ def print_saved(path: Path) -> None:
 
 def print_warning(sentence: str) -> None:
     say(f"warning: {sentence}", style="yellow")
-
-
-def refuse_existing(force: bool, *outputs: Path | None) -> None:
-    """Refuse to overwrite a file of an earlier run, unless `force` says so.
-
-    Raises
-    ------
-    QuadctlError
-        One of the files is there.
-    """
-    for path in () if force else outputs:
-        if path is not None and path.exists():
-            raise QuadctlError(f"{path}: is there already, expected a new file (or --force)")
 
 
 def write_json(path: Path | None, result: dict[str, Any]) -> None:

@@ -138,6 +138,19 @@ def check_outputs(inputs: Sequence[Path | None], *outputs: Path | None, measurem
         taken |= dict.fromkeys(_identities(path), "is written by this command already")
 
 
+def refuse_existing(force: bool, *outputs: Path | None) -> None:
+    """Refuse to overwrite what an earlier run has written, unless --force is given.
+
+    Raises
+    ------
+    QuadctlError
+        One of the files is there already.
+    """
+    for path in outputs:
+        if path is not None and path.exists() and not force:
+            raise QuadctlError(f"{path}: is there already, expected a new file (or --force)")
+
+
 def check_read(path: Path) -> None:
     """Refuse a file that a command reads without having been given it, where it is one that the command will write.
 

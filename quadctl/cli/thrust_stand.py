@@ -11,8 +11,8 @@ import typer
 
 from quadctl.cli.app import app, console
 from quadctl.cli.inputs import find
-from quadctl.cli.output import ForceOption, JsonOption, PlotOption, print_saved, refuse_existing, say, write_json
-from quadctl.cli.overwriting import Reads, Writes
+from quadctl.cli.output import CurvesOption, ForceOption, JsonOption, print_saved, say, write_json
+from quadctl.cli.overwriting import Reads, Writes, refuse_existing
 from quadctl.errors import FlightError
 from quadctl.files import write_text
 from quadctl.vehicle import Vehicle, load_vehicle
@@ -79,7 +79,7 @@ def thrust_stand(
     safe: Annotated[
         bool, typer.Option("--yes-props-are-safe", help="The vehicle is fixed and nobody is near: do not ask.")
     ] = False,
-    plot: PlotOption = None,
+    plot: CurvesOption = None,
     json_out: JsonOption = None,
     force: ForceOption = False,
 ) -> None:

@@ -98,13 +98,10 @@ def _margins(controller: "ControllerSettings", found: "LagsFound") -> dict[str, 
 
 def _print_lags(controller: "ControllerSettings", found: "LagsFound") -> None:
     low, high = found.attitude.lag_interval_s or (found.attitude.lag_s,) * 2
-    console.print(
+    say(
         f"Lags: attitude {found.attitude.lag_s:.3f} s [{low:.3f}, {high:.3f}], which holds the way of the setpoint; "
         f"rotors {found.rotors_s:.3f} s; age of the state, as logged, {found.age_s:.3f} s. Gains are for "
-        f"{found.horizontal_s(controller):.3f} s horizontally and {found.vertical_s:.3f} s vertically.",
-        soft_wrap=True,
-        markup=False,
-        highlight=False,
+        f"{found.horizontal_s(controller):.3f} s horizontally and {found.vertical_s:.3f} s vertically."
     )
 
 

@@ -8,8 +8,8 @@ import typer
 
 from quadctl.cli.app import app, console
 from quadctl.cli.inputs import find
-from quadctl.cli.output import print_saved, print_warning, refuse_existing
-from quadctl.cli.overwriting import App, Reads, Writes
+from quadctl.cli.output import print_saved, print_warning, say
+from quadctl.cli.overwriting import App, Reads, Writes, refuse_existing
 from quadctl.errors import SettingsError
 from quadctl.files import write_text
 from quadctl.logs.formats import suffixes_with_parameters
@@ -70,13 +70,10 @@ def new(
     print_saved(output)
     vehicle = load_vehicle(output)
     most = vehicle.max_thrust_n / vehicle.weight_n
-    console.print(
+    say(
         f"{vehicle.n_rotors} rotors, {vehicle.mass_kg:g} kg, thrust up to {most:.1f} "
         f"times the weight, throttle in hover {vehicle.hover_throttle:.2f}. Read the comments in the file: what is "
-        "assumed is worth measuring (quadctl thrust-stand, or a flight and quadctl discover).",
-        soft_wrap=True,
-        markup=False,
-        highlight=False,
+        "assumed is worth measuring (quadctl thrust-stand, or a flight and quadctl discover)."
     )
     if touching := overlap([rotor.position_m for rotor in vehicle.rotors], 2.0 * vehicle.rotor.radius_m):
         print_warning(touching)

@@ -5,9 +5,10 @@ from typing import Annotated
 
 import typer
 
-from quadctl.cli.app import app, console
+from quadctl.cli.app import app
 from quadctl.cli.flight import HiddenOption, simulator
 from quadctl.cli.inputs import find, find_missions
+from quadctl.cli.output import say
 from quadctl.cli.overwriting import Reads, WritesInto
 
 
@@ -59,11 +60,11 @@ def lab_page(
     begun = first_session(logs or [], model, session)
     kept = None if session is not None or anew else kept_session(out, begun, model_given=model is not None)
     if kept is not None:
-        console.print(f"The session in {out} is continued; --new begins another.", soft_wrap=True, highlight=False)
+        say(f"The session in {out} is continued; --new begins another.")
     elif session is None or session.resolve() != (out / AUTOSAVED).resolve():
         before = set_aside(out)
         if before is not None:
-            console.print(f"The session before is kept as {before}.", soft_wrap=True, highlight=False)
+            say(f"The session before is kept as {before}.")
     simulation = Simulation(simulator().simulate, missions, out, hidden, HIDDEN)
     serve(
         lambda: Workbench(out, simulation),
@@ -71,9 +72,5 @@ def lab_page(
         lambda bench: Intake(bench, vehicle_files()),
         port,
         show,
-        _announce,
+        lambda url: say(f"The lab is at {url}, for this machine only. Ctrl-C ends it."),
     )
-
-
-def _announce(url: str) -> None:
-    console.print(f"The lab is at {url}, for this machine only. Ctrl-C ends it.", highlight=False)

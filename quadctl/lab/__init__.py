@@ -14,13 +14,15 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from quadctl.lab.estimator import FlightModel
-    from quadctl.lab.interface import add, compare, diagnose, discover, fit, judge, prepare_flights, remove, suggest
+    from quadctl.lab.interface import add, compare, diagnose, discover, fit, judge, remove, suggest
+    from quadctl.lab.study import Study, prepare_flights
     from quadctl.logs.read import read_log, read_logs
     from quadctl.model import Model, load_model, save_model
 
 __all__ = [
     "FlightModel",
     "Model",
+    "Study",
     "add",
     "compare",
     "diagnose",
@@ -38,6 +40,7 @@ __all__ = [
 
 _HOMES = {
     "FlightModel": "quadctl.lab.estimator",
+    **dict.fromkeys(("Study", "prepare_flights"), "quadctl.lab.study"),
     **dict.fromkeys(("Model", "load_model", "save_model"), "quadctl.model"),
     **dict.fromkeys(("read_log", "read_logs"), "quadctl.logs.read"),
 }

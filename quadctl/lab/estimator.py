@@ -10,9 +10,9 @@ from quadctl.errors import SettingsError
 from quadctl.lab.arrays import Floats
 from quadctl.lab.comparison.comparison import explained
 from quadctl.lab.flights.dataset import HoldOut
-from quadctl.lab.interface import AnyModel, Flights, open_model, prepare_flights
 from quadctl.lab.selection.addition import add
 from quadctl.lab.selection.refit import Refit, fit
+from quadctl.lab.study import AnyModel, Flights, open_model, prepare_flights
 from quadctl.model import Model, save_model
 
 

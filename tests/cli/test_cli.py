@@ -14,7 +14,7 @@ import yaml
 
 from quadctl import __version__
 from quadctl.effects.ground_effect import Exponential
-from quadctl.lab.interface import HoldOutError
+from quadctl.lab.study import HoldOutError
 from quadctl.logs.csv_log import write_csv
 from quadctl.model import Model, load_model
 from quadctl.vehicle import Vehicle
@@ -281,7 +281,7 @@ class TestBadInput:
         def refuse(logs: object, vehicle: object, hold_out: str) -> None:
             raise HoldOutError(f"hold_out is {hold_out}, and no more than that")
 
-        monkeypatch.setattr("quadctl.lab.interface.prepare_flights", refuse)
+        monkeypatch.setattr("quadctl.lab.study.prepare_flights", refuse)
         refused = quadctl("compare", VEHICLE, log), quadctl("diagnose", VEHICLE, log, "--hold-out", "moons")
         assert [result.status for result in refused] == [2, 2]
         assert "--hold-out is moons, and no more than that" in refused[1].err

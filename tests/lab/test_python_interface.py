@@ -58,7 +58,9 @@ def here(folder: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 class TestExamples:
-    @pytest.mark.parametrize("name", ["quadctl.lab", "quadctl.lab.interface", "quadctl.lab.estimator"])
+    @pytest.mark.parametrize(
+        "name", ["quadctl.lab", "quadctl.lab.interface", "quadctl.lab.study", "quadctl.lab.estimator"]
+    )
     def test_those_of_the_docstrings_run(self, here: Path, name: str) -> None:
         result = doctest.testmod(importlib.import_module(name))
         assert result.attempted > 0 and result.failed == 0

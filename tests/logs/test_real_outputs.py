@@ -5,7 +5,7 @@ import pytest
 
 from quadctl.lab.comparison.comparison import compare
 from quadctl.lab.flights.channels import signals_of
-from quadctl.lab.interface import prepare_flights
+from quadctl.lab.study import prepare_flights
 from quadctl.logs.read import read_log
 from quadctl.model import load_model
 from tests.support.places import DATA

@@ -13,7 +13,7 @@ from quadctl.flight.preflight.changed_parameters import Change, ChangedParameter
 from quadctl.flight.preflight.requirements import requirements_met
 from quadctl.lab.comparison.comparison import compare
 from quadctl.lab.flights.channels import ROTOR_SPEED, signals_of
-from quadctl.lab.interface import prepare_flights
+from quadctl.lab.study import prepare_flights
 from quadctl.logs.flight_log import FlightLog
 from quadctl.model import load_model
 from quadctl.sitl.rules.copter import Guided, SimulatedCopter, SimulatedCopter47

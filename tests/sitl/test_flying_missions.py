@@ -8,7 +8,7 @@ from _pytest.mark.structures import ParameterSet
 import quadctl.sitl.run
 from quadctl.flight.preflight.preparation import prepare_flight
 from quadctl.lab.comparison.comparison import compare
-from quadctl.lab.interface import prepare_flights
+from quadctl.lab.study import prepare_flights
 from quadctl.logs.read import read_log
 from tests.support.places import ROOT
 

@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from quadctl.lab import add, prepare_flights
 from quadctl.lab.flights.dataset import Dataset
 from quadctl.lab.flights.flight import Flight
-from quadctl.lab.interface import add, prepare_flights
 from quadctl.model import Model, load_model
 from tests.support.places import DATA
 

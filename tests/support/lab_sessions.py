@@ -8,11 +8,13 @@ import yaml
 
 from quadctl.effects import CATALOG
 from quadctl.flight.preflight.preparation import prepare_flight
+from quadctl.lab.study import Study, quiet
 from quadctl.model import load_model
 from quadctl.sitl.run import simulate
 from quadctl.web.session.findings import Findings
 from quadctl.web.session.session import Rung, Session, load_session, session_to_yaml
-from quadctl.web.work.jobs import Current, look_for, open_logs
+from quadctl.web.work.jobs import look_for, open_logs
+from quadctl.web.work.reading import read_logs
 from tests.support.visitors import ROOT
 
 VEHICLE = ROOT / "config" / "vehicles" / "raptor.yaml"
@@ -67,9 +69,9 @@ def flown_and_searched(shared: Path) -> tuple[Path, str]:
 def searched(log: Path) -> Path:
     """A session with `log` and the rigid body, searched."""
     model = load_model(VEHICLE)
-    opened = open_logs([log], frozenset(), model.vehicle, "blocks", (), frozenset(), _say_nothing)
+    opened = open_logs(read_logs([log], (), quiet), frozenset(), model.vehicle, "blocks", frozenset(), quiet)
     assert opened.seen is not None
-    found = look_for(Current(model), opened.seen, _say_nothing)
+    found = look_for(Study(model, opened.seen), quiet)
     return _saved(Session().with_logs([log]).begun_with(model).searched(model, found), log.with_name("one.lab.yaml"))
 
 
@@ -104,10 +106,6 @@ def _begun(session: Path) -> tuple[Session, Findings]:
 def _saved(session: Session, path: Path) -> Path:
     path.write_text(session_to_yaml(session), encoding="utf-8")
     return path
-
-
-def _say_nothing(text: str) -> None:
-    return
 
 
 def wrong_files(where: Path) -> list[tuple[Path, str]]:

@@ -2,7 +2,7 @@
 
 import pytest
 
-from quadctl.web.page.choices import Choices, choices_of
+from quadctl.web.panels.choices import Choices, choices_of
 
 ALL = Choices(
     show="time",

@@ -33,6 +33,7 @@ from quadctl.lab.selection import diagnosis as lab_diagnosis
 from quadctl.lab.selection.diagnosis import diagnose
 from quadctl.lab.selection.evidence import evidence_for
 from quadctl.lab.selection.unseen import UnseenError
+from quadctl.lab.study import Study
 from quadctl.logs.findings import Kind, finding
 from quadctl.logs.flight_log import FlightLog
 from quadctl.logs.quality import quality
@@ -40,21 +41,22 @@ from quadctl.model import Model, Provenance, StackedEffect
 from quadctl.vehicle import Vehicle
 from quadctl.web.elements.theme import DARK, LIGHT
 from quadctl.web.figures.ratio import ratio_over_height
-from quadctl.web.page.choices import Choices
 from quadctl.web.page.page import TABS, Page
+from quadctl.web.panels.choices import Choices
 from quadctl.web.panels.compensator import answer_in_words, doubts_in_words, far_in_words
 from quadctl.web.panels.evidence import chosen_of, rival_of
 from quadctl.web.panels.fails import Failures
 from quadctl.web.panels.glossary import GLOSSARY
 from quadctl.web.panels.help import KEYS
-from quadctl.web.panels.missing import OF_BLOCKS, Verdict, as_drawn, beside_the_motion, on_whole_flights
-from quadctl.web.panels.panel import Bench, Controls, Panel
+from quadctl.web.panels.overview import as_drawn, beside_the_motion
+from quadctl.web.panels.panel import Controls, Panel
 from quadctl.web.panels.stack import BEYOND, NUISANCES, SAME_CAUSE, apart_in_words, kind_in_words, limited_in_words
-from quadctl.web.panels.view import View
+from quadctl.web.panels.verdict import OF_BLOCKS, Verdict, on_whole_flights
+from quadctl.web.panels.view import OWNERS, View, owner_of
 from quadctl.web.session.findings import Diagnosed, Findings
+from quadctl.web.session.history import History
 from quadctl.web.session.session import Rung, Session
-from quadctl.web.work.jobs import Current, Opened
-from quadctl.web.work.jobs import evaluated as evaluate
+from quadctl.web.work.jobs import Opened
 from quadctl.web.work.reading import OpenedLog
 from quadctl.web.work.simulated import FAR, WITH, WITHOUT
 from quadctl.web.work.state import Gathered, Message, Results, Work
@@ -82,8 +84,10 @@ FIELDS = [(panel, field.name) for panel in PANELS for field in fields(panel)]
 class TestPanel:
     @pytest.mark.parametrize(("panel", "name"), FIELDS)
     def test_every_field_is_one_of_the_view_and_has_its_type(self, panel: type[Panel], name: str) -> None:
-        attribute = inspect.getattr_static(View, name, None)
-        offered = get_type_hints(attribute.fget)["return"] if attribute else get_type_hints(View)[name]
+        owner = OWNERS[owner_of(name)]
+        attribute = inspect.getattr_static(owner, name, None)
+        is_property = isinstance(attribute, property) and attribute.fget is not None
+        offered = get_type_hints(attribute.fget)["return"] if is_property else get_type_hints(owner)[name]
         assert get_type_hints(panel)[name] == offered
 
     @pytest.mark.parametrize(("panel", "name"), FIELDS)
@@ -92,11 +96,22 @@ class TestPanel:
         assert shown.shows_the_same_as(replace(shown))
         assert not shown.shows_the_same_as(replace(shown, **{name: object()}))
 
-    @pytest.mark.parametrize("protocol", [Bench, Controls])
-    def test_there_is_nothing_to_read_from_the_controls(self, protocol: type) -> None:
-        actions = [action for name, action in vars(protocol).items() if inspect.isfunction(action) and name[0] != "_"]
+    def test_there_is_nothing_to_read_from_the_controls(self) -> None:
+        actions = [action for name, action in vars(Controls).items() if inspect.isfunction(action) and name[0] != "_"]
         assert actions
         assert all(get_type_hints(action)["return"] is type(None) for action in actions)
+
+    def test_panels_only_act_on_the_workbench(self) -> None:
+        code = "".join(path.read_text() for path in (ROOT / "quadctl" / "web" / "panels").glob("*.py"))
+        called = set(re.findall(r"\bdo\.bench\.(\w+)", code))
+        assert len(called) > 20
+        for name in called:
+            assert get_type_hints(getattr(Workbench, name))["return"] is type(None), name
+
+    def test_what_panels_choose_is_a_choice_of_the_tab(self) -> None:
+        code = "".join(path.read_text() for path in (ROOT / "quadctl" / "web" / "panels").glob("*.py"))
+        named = set(re.findall(r"\bdo\.choose[(,]\s*(\w+)=", code))
+        assert len(named) > 5 and named <= {field.name for field in fields(Choices)}
 
     def test_fields_that_cannot_be_compared_by_value_are_compared_by_identity(self) -> None:
         @dataclass(frozen=True)
@@ -149,7 +164,7 @@ def views(raptor: Vehicle) -> dict[str, View]:
     logs = [obedient(truth, 30.0, noise_m_s=0.01, seed=seed, name=f"{seed}.csv") for seed in (0, 1)]
     dataset = load_dataset(logs, raptor)
     opened = Opened([OpenedLog(Path(log.name), log, quality(log)) for log in logs], dataset, None)
-    evaluation = evaluate(Current(truth), dataset, None, lambda text: None)
+    evaluation = Study(truth, dataset).evaluate()
     elsewhere = replace(truth, stack=(replace(fitted, fitted=Provenance(logs=("0.csv",))),))
     found = Diagnosed(diagnose(rigid, dataset, [Exponential, Hayden]), {})
     effect = found.diagnosis.steps[1].effect
@@ -167,27 +182,24 @@ def views(raptor: Vehicle) -> dict[str, View]:
         as_read=(),
         waiting=(),
         windows=1,
-        can_undo=True,
-        can_redo=False,
+        history=History((session,)),
         hidden=None,
         vehicles=(Path("raptor.yaml"),),
         own_vehicles=(),
         folder=Path("lab"),
-        template="",
         theme=LIGHT,
-        axis="up",
-        brush={},
-        flight_name="",
-        channels=("z_m", "motor1_rpm"),
-        over_each_other=False,
-        beside="",
+        choices=Choices(axis="up", channels=("z_m", "motor1_rpm")),
         other_model=None,
-        evidence="",
     )
     searching = replace(view, search=Work("Looking"), results=replace(results, found=None, before=found))
     working = replace(view, work=Work("Fitting"))
-    empty = replace(view, session=Session(), opened=None, results=Results())
+    empty = replace(view, session=Session(), opened=Opened(), results=Results())
     suggestion = SimpleNamespace(best=None, reasons=list, lines=lambda: ["this mission tells most"])
+
+    def chosen(**changes: Any) -> dict[str, Any]:
+        return {"choices": replace(view.choices, **changes)}
+
+    asked = chosen(evidence=gathered.evidence.effect.name)
     changed: dict[str, dict[str, Any]] = {
         "another step": {"session": session.at(0)},
         "one more step": {"session": session.climbed(Rung("refitted", truth))},
@@ -202,15 +214,15 @@ def views(raptor: Vehicle) -> dict[str, View]:
         },
         "a log with a gap": {"opened": replace(opened, seen=load_dataset([_with_a_gap(logs[0])], raptor))},
         "no flight that can be used": {"opened": replace(opened, seen=None)},
-        "no flight": {"opened": None},
-        "a log that has been read": {"opened": None, "work": Work("Reading flights"), "as_read": (logs[0],)},
+        "no flight": {"opened": Opened()},
+        "a log that has been read": {"opened": Opened(), "work": Work("Reading flights"), "as_read": (logs[0],)},
         "a vehicle of half the mass": {"opened": replace(opened, seen=_of_half_the_mass(dataset, raptor))},
         "a vehicle whose thrust was assumed": {"session": _with_assumed_thrust(session)},
         "values of other flights": {"session": _with_a_drop(session)},
         "a fit to one of the flights": {"session": _fitted_to(session, ("0.csv",))},
         "an error as the model stands": {
             "session": _fitted_to(session, ("0.csv",)),
-            "results": replace(results, evaluation=evaluate(Current(elsewhere), dataset, None, lambda text: None)),
+            "results": replace(results, evaluation=Study(elsewhere, dataset).evaluate()),
         },
         "a fit to a flight before it was held out": {
             "session": _fitted_to(session.with_role(Path("1.csv"), True), ("0.csv", "1.csv"))
@@ -226,34 +238,37 @@ def views(raptor: Vehicle) -> dict[str, View]:
         "a warning of the check": {"results": replace(results, checked=("too high",))},
         "a refusal of the check": {"results": replace(results, checked=None, refused="it has a pole")},
         "a file that waits": {"waiting": ("a.csv",)},
-        "a change taken back": {"can_undo": False, "can_redo": True},
+        "a change taken back": {"history": History((), (session,))},
         "a second window": {"windows": 2},
         "a message": {"message": Message("error", "no")},
         "another world": {"hidden": Path("hidden.yaml")},
         "other vehicles": {"vehicles": ()},
         "a vehicle of one's own": {"own_vehicles": (Path("lab/vehicles/mine.yaml"),)},
         "a vehicle that nobody has named": {"session": replace(session, vehicle_assumed=True)},
-        "another axis": {"axis": "north"},
-        "another flight": {"flight_name": "1.csv"},
-        "other channels": {"channels": ("roll_deg",)},
-        "a step beside the others": {"beside": "0"},
-        "the model of a file beside the others": {"beside": "file", "other_model": replace(truth, name="mine.yaml")},
+        "another axis": chosen(axis="north"),
+        "another flight": chosen(flight="1.csv"),
+        "other channels": chosen(channels=("roll_deg",)),
+        "a step beside the others": chosen(beside="0"),
+        "the model of a file beside the others": {
+            **chosen(beside="file"),
+            "other_model": replace(truth, name="mine.yaml"),
+        },
         "the evidence for an effect": {
-            "evidence": gathered.evidence.effect.name,
+            **asked,
             "results": replace(results, evidence={gathered.evidence.effect.name: gathered}),
         },
         "evidence that no search gave": {
-            "evidence": gathered.evidence.effect.name,
+            **asked,
             "results": replace(results, evidence={gathered.evidence.effect.name: replace(gathered, search=None)}),
         },
-        "evidence that is asked for": {"evidence": gathered.evidence.effect.name},
-        "evidence that is gathered": {"evidence": gathered.evidence.effect.name, "work": Work("Gathering")},
+        "evidence that is asked for": asked,
+        "evidence that is gathered": {**asked, "work": Work("Gathering")},
         "evidence that was cancelled": {
-            "evidence": gathered.evidence.effect.name,
+            **asked,
             "results": replace(results, evidence={gathered.evidence.effect.name: None}),
         },
-        "flights over each other": {"over_each_other": True},
-        "a selection": {"brush": {"height_over_radius": (1.0, 3.0)}},
+        "flights over each other": chosen(over_each_other=True),
+        "a selection": chosen(brush={"height_over_radius": (1.0, 3.0)}),
         "other colours": {"theme": DARK},
     }
     after = {name: replace(view, **change) for name, change in changed.items()}
@@ -265,9 +280,13 @@ def views(raptor: Vehicle) -> dict[str, View]:
         "work": working,
         "a step of the work": replace(working, work=Work("Fitting", "hayden")),
         "nothing yet": empty,
-        "another template": replace(empty, template="name: other"),
         "a log without a vehicle": replace(empty, session=Session().with_logs([Path("a.csv")])),
     }
+
+
+def choosing(view: View, **changes: Any) -> View:
+    """The same view after a choice in its tab."""
+    return replace(view, choices=replace(view.choices, **changes))
 
 
 def _with_a_gap(log: FlightLog) -> FlightLog:
@@ -311,10 +330,10 @@ def _fitted_to(session: Session, logs: tuple[str, ...]) -> Session:
 
 def _nothing_found(view: View, error_m_s2: float, floor_m_s2: float, verdict: lab_diagnosis.Verdict = "none") -> View:
     """The same view, if the search had found no effect, and this error remained."""
-    assert view.found is not None and view.evaluation is not None
-    diagnosis = replace(view.found.diagnosis, verdict=verdict, missing=[], ranking=[], steps=[])
+    assert view.results.found is not None and view.results.evaluation is not None
+    diagnosis = replace(view.results.found.diagnosis, verdict=verdict, missing=[], ranking=[], steps=[])
     left = Remainder(error_m_s2, 0.994 * error_m_s2, floor_m_s2, ("thrust",), "up")
-    evaluation = replace(view.evaluation, remainder=left)
+    evaluation = replace(view.results.evaluation, remainder=left)
     session = view.session.judged(error_m_s2, floor_m_s2)
     results = replace(view.results, evaluation=evaluation, found=Diagnosed(diagnosis, {}))
     comparison = replace(evaluation.comparison, noise_floor={"total": floor_m_s2})
@@ -524,7 +543,7 @@ class TestOpenTab:
         said, *more = verdict.sentences
         assert said.endswith(", if the vehicle is raptor (1.5 kg).")
         assert set(tabs("missing", view).texts) >= {said}
-        assert more and verdict.condition == view.vehicle
+        assert more and verdict.condition == view.session.vehicle
         assert Verdict.of(views["a search"]).sentences == ()
 
     def test_a_bar_says_where_its_error_is_of_a_model_as_it_stands(
@@ -590,7 +609,7 @@ class TestOpenTab:
         assert views["evidence that is asked for"].gathering == "wanted"
         assert views["evidence that is gathered"].gathering == "waiting"
         assert views["evidence that was cancelled"].gathering == "cancelled"
-        assert replace(views["at first"], evidence="wind.constant").gathering == ""
+        assert choosing(views["at first"], evidence="wind.constant").gathering == ""
         shown = str(tabs("missing", views["evidence that no search gave"]).shown)
         assert "No search on these flights has tried it beside others" in shown
 
@@ -601,7 +620,7 @@ class TestOpenTab:
         assert view.gathered is not None
         errors = dict.fromkeys(axis for group, axes in GROUPS.items() for axis in (*axes, group))
         known = replace(view.gathered.evidence, before=dict.fromkeys(errors, 0.2), after=dict.fromkeys(errors, 0.1))
-        gathered = {view.evidence: replace(view.gathered, evidence=known)}
+        gathered = {view.choices.evidence: replace(view.gathered, evidence=known)}
         shown = str(tabs("missing", replace(view, results=replace(view.results, evidence=gathered))).shown)
         assert "imu north" not in shown
         for name in ("accelerometer error north / m/s²", "roll moment / N m", "north / m/s²"):
@@ -641,7 +660,6 @@ class TestOpenTab:
         assert str(tabs("missing", asked).shown).count(question) == 1
         assert str(tabs("flights", asked).shown).count(question) == 2
         assert question not in str(tabs("flights", views["at first"]).shown)
-        assert asked.opened is not None
         named = [replace(log, log=replace(log.log, meta={"vehicle": {"mass_kg": 1.5}})) for log in asked.opened.logs]  # type: ignore[type-var]
         assert replace(asked, opened=replace(asked.opened, logs=named)).unconfirmed is None
 
@@ -687,9 +705,9 @@ class TestOpenTab:
         self, views: dict[str, View], tabs: Callable[[str, View], OpenTab]
     ) -> None:
         view = views["at first"]
-        assert view.opened is not None and view.seen is not None and view.session.model is not None
-        whole = replace(view.seen, hold_out="flights")
-        found = evaluate(Current(view.session.model), whole, None, lambda text: None)
+        assert view.opened.seen is not None and view.session.model is not None
+        whole = replace(view.opened.seen, hold_out="flights")
+        found = Study(view.session.model, whole).evaluate()
         there = replace(view, opened=replace(view.opened, seen=whole), results=Results(found))
         assert kind_in_words(found).endswith("per-flight bias included")
         blocks, flights = (str(tabs("missing", each).shown) for each in (view, there))
@@ -697,7 +715,7 @@ class TestOpenTab:
         assert ", apart from the " in blocks and " included" not in blocks
 
     def test_trims_at_their_limit_are_named_with_their_flights(self, views: dict[str, View]) -> None:
-        evaluation = views["at first"].evaluation
+        evaluation = views["at first"].results.evaluation
         assert evaluation is not None
         assert limited_in_words(evaluation, None) == ""
         nuisances = evaluation.solution.optimum.nuisances.copy()
@@ -706,7 +724,7 @@ class TestOpenTab:
         limited = replace(evaluation, solution=replace(evaluation.solution, optimum=optimum))
         said = "At the limit of what is usual for a flight: thrust (1.csv)."
         assert limited_in_words(limited, None) == said
-        found = views["at first"].found
+        found = views["at first"].results.found
         assert found is not None
         beyond = " More than that would be a thrust scale, which these data do not establish (p 0.04)."
         for p_value, more in ((0.04, beyond), (1e-5, "")):
@@ -717,7 +735,7 @@ class TestOpenTab:
     def test_whether_the_flights_agree_is_said_beside_the_error_and_where_the_model_fails(
         self, views: dict[str, View], tabs: Callable[[str, View], OpenTab]
     ) -> None:
-        evaluation = views["at first"].evaluation
+        evaluation = views["at first"].results.evaluation
         assert evaluation is not None and evaluation.agreement is not None
         assert agreement_in_short(evaluation.agreement) in str(tabs("missing", views["at first"]).shown)
         first, *more = agreement_parts(evaluation.agreement)
@@ -728,9 +746,9 @@ class TestOpenTab:
         self, views: dict[str, View], tabs: Callable[[str, View], OpenTab]
     ) -> None:
         opened, session = views["at first"].opened, views["a fit to one of the flights"].session
-        assert opened is not None and opened.seen is not None and session.model is not None
+        assert opened.seen is not None and session.model is not None
         seen, unseen = opened.seen.some([0]), opened.seen.some([1])
-        found = evaluate(Current(session.model), seen, unseen, lambda text: None)
+        found = Study(session.model, seen, unseen).evaluate()
         assert found.agreement is not None and found.agreement.fitted == "these"
         assert (found.agreement.reference, found.agreement.judged) == (("0.csv",), ("1.csv",))
         view = replace(views["at first"], opened=replace(opened, seen=seen, unseen=unseen), results=Results(found))
@@ -743,25 +761,27 @@ class TestOpenTab:
 
     def test_a_sentence_leads_to_its_flight_with_one_click(self, views: dict[str, View]) -> None:
         do = create_autospec(Controls, instance=True)
-        comparison = views["at first"].comparison
-        assert comparison is not None
-        wrong = replace(comparison, fails_where=[FAILURE])
+        evaluation = views["at first"].results.evaluation
+        assert evaluation is not None
+        comparison = replace(evaluation.comparison, fails_where=[FAILURE])
+        wrong = replace(evaluation, agreement=None, comparison=comparison)
         with Client(ui.page("/")), pytest.MonkeyPatch.context() as patched:
             patched.setattr(ui, "run_javascript", ran := MagicMock())
-            Failures(wrong, None, None, None, "", False, LIGHT).draw(do)
+            Failures(wrong, "", False, LIGHT).draw(do)
             (show,) = [e for e in ui.context.client.elements.values() if isinstance(e, ui.button) and e.text == "Show"]
             for listener in show._event_listeners.values():
                 if listener.type == "click":
                     listener.handler(None)  # type: ignore[misc]
-        do.select.assert_called_once_with({"time": (0.0, 9.0)}, "up", "1.csv")
+        do.choose.assert_called_once_with(brush={"time": (0.0, 9.0)}, axis="up", flight="1.csv")
         assert "scrollIntoView" in ran.call_args.args[0]
 
     def test_a_sentence_on_the_whole_flight_has_nothing_to_show(self, views: dict[str, View]) -> None:
-        comparison = views["at first"].comparison
-        assert comparison is not None
-        wrong = replace(comparison, fails_where=[replace(FAILURE, low=0.0, high=100.0)])
+        evaluation = views["at first"].results.evaluation
+        assert evaluation is not None
+        comparison = replace(evaluation.comparison, fails_where=[replace(FAILURE, low=0.0, high=100.0)])
+        wrong = replace(evaluation, agreement=None, comparison=comparison)
         with Client(ui.page("/")):
-            Failures(wrong, None, None, None, "", False, LIGHT).draw(create_autospec(Controls, instance=True))
+            Failures(wrong, "", False, LIGHT).draw(create_autospec(Controls, instance=True))
             elements = list(ui.context.client.elements.values())
         assert "Show" not in [e.text for e in elements if isinstance(e, ui.button)]
         assert "most of 1.csv" in [getattr(e, "text", "") for e in elements]
@@ -769,15 +789,15 @@ class TestOpenTab:
     def test_the_figure_says_the_errors_of_the_flight_that_it_shows(
         self, views: dict[str, View], tabs: Callable[[str, View], OpenTab]
     ) -> None:
-        evaluation = views["at first"].evaluation
+        evaluation = views["at first"].results.evaluation
         assert evaluation is not None
         for name, errors in evaluation.by_flight.items():
             worst, other = sorted(("north", "east", "up"), key=errors.__getitem__)[:0:-1]
-            view = replace(views["at first"], flight_name=name, axis=worst)
+            view = choosing(views["at first"], flight=name, axis=worst)
             shown = str(tabs("missing", view).shown)
             assert f"Error in this flight, all axes: {quantity(errors['total'])}; shown is {worst}" in shown
             assert "the axis with the largest error." in shown
-            shown = str(tabs("missing", replace(view, axis=other)).shown)
+            shown = str(tabs("missing", choosing(view, axis=other)).shown)
             assert f"It is largest {worst}: {quantity(errors[worst])}." in shown
 
     def test_a_line_that_is_drawn_without_the_trim_says_how_far_it_is_off(self, views: dict[str, View]) -> None:
@@ -836,10 +856,10 @@ class TestOpenTab:
         self, views: dict[str, View], tabs: Callable[[str, View], OpenTab]
     ) -> None:
         view = views["at first"]
-        assert view.opened is not None and view.seen is not None
-        first, second = view.seen.flights
+        assert view.opened.seen is not None
+        first, second = view.opened.seen.flights
         alone, other = (
-            replace(view, opened=replace(view.opened, seen=replace(view.seen, flights=(flight,))))
+            replace(view, opened=replace(view.opened, seen=replace(view.opened.seen, flights=(flight,))))
             for flight in (first, replace(second, name="other.csv"))
         )
         tab = tabs("time", view)
@@ -847,7 +867,7 @@ class TestOpenTab:
         chosen = tab.choices
         tab.follow(alone)  # one of the flights is still open
         assert tab.choices == chosen
-        tab.follow(replace(view, opened=None))
+        tab.follow(replace(view, opened=Opened()))
         told: list[str] = []
         with pytest.MonkeyPatch.context() as patched:
             patched.setattr(ui.navigate.history, "replace", told.append)
@@ -859,15 +879,15 @@ class TestOpenTab:
         self, views: dict[str, View], tabs: Callable[[str, View], OpenTab], monkeypatch: pytest.MonkeyPatch
     ) -> None:
         view = views["at first"]
-        assert view.opened is not None and view.seen is not None
+        assert view.opened.seen is not None
         first, second = (
-            replace(view, opened=replace(view.opened, seen=replace(view.seen, flights=(flight,))))
-            for flight in view.seen.flights
+            replace(view, opened=replace(view.opened, seen=replace(view.opened.seen, flights=(flight,))))
+            for flight in view.opened.seen.flights
         )
         monkeypatch.setattr(ui.navigate.history, "replace", lambda *_: None)
         for left, kept in ((first, True), (second, False)):
             tab = tabs("time", view)
-            tab.choose(brush={"time": (1.0, 2.0)}, axis="east", flight=view.seen.names[0])
+            tab.choose(brush={"time": (1.0, 2.0)}, axis="east", flight=view.opened.seen.names[0])
             tab.follow(left)
             assert (tab.choices.axis == "east") == kept
             assert bool(tab.choices.brush) == kept
@@ -879,7 +899,7 @@ class TestOpenTab:
         view = views["at first"]
         tab = tabs("time", view)
         tab.choose(axis="east")
-        tab.follow(replace(view, axis="east"))
+        tab.follow(choosing(view, axis="east"))
         assert tab.choices.axis == "east"
         rung = view.session.rungs[0]
         named = replace(rung.model, vehicle=rung.model.vehicle.model_copy(update={"name": "another"}))
@@ -987,23 +1007,23 @@ class TestOpenTab:
 
     def test_the_factor_far_from_the_ground_is_no_part_of_the_curve(self, views: dict[str, View]) -> None:
         view = views["at first"]
-        assert view.model is not None and view.seen is not None
-        scaled = view.model.plus(ConstantScale(0.87))
+        assert view.session.model is not None and view.opened.seen is not None
+        scaled = view.session.model.plus(ConstantScale(0.87))
         assert "Far from the ground the model gives the rotors 0.870 times the thrust" in far_in_words(scaled)
-        assert "factor 1" in far_in_words(view.model)
+        assert "factor 1" in far_in_words(view.session.model)
         own, without = (
             next(
                 curve["y"]
-                for curve in ratio_over_height(model, view.seen, LIGHT)["data"]
+                for curve in ratio_over_height(model, view.opened.seen, LIGHT)["data"]
                 if curve["name"] == "this model"
             )
-            for model in (scaled, view.model)
+            for model in (scaled, view.session.model)
         )
         assert own == pytest.approx(without)
         assert own[-1] == pytest.approx(1.0, abs=0.01)
 
     def test_the_curve_reaches_as_high_as_was_flown(self, views: dict[str, View]) -> None:
-        model, seen = views["at first"].model, views["at first"].seen
+        model, seen = views["at first"].session.model, views["at first"].opened.seen
         assert model is not None and seen is not None
         small = model.vehicle.rotor.model_copy(update={"radius_m": 0.05})
         fine = replace(model, vehicle=model.vehicle.model_copy(update={"rotor": small}))
@@ -1020,7 +1040,7 @@ class TestOpenTab:
         assert shown.count(GLOSSARY["far from the ground"]) == 2  # under the mouse, and in the help
 
     def test_one_sentence_says_whether_the_compensator_helps(self, views: dict[str, View]) -> None:
-        model = views["at first"].model
+        model = views["at first"].session.model
         assert model is not None
         without = SimpleNamespace(m_b_absolute=0.249, rmse_m=0.148)
         compensated = SimpleNamespace(m_b_absolute=0.078, rmse_m=0.144)
@@ -1034,7 +1054,7 @@ class TestOpenTab:
         assert answer_in_words(flat, worse).startswith("This model has no effect of the ground")
 
     def test_a_compensator_for_what_may_be_another_effect_is_not_just_accepted(self, views: dict[str, View]) -> None:
-        model = views["at first"].model
+        model = views["at first"].session.model
         assert model is not None
         scaled = replace(model, stack=()).plus(ConstantScale(1.2))
         (doubt,) = doubts_in_words(scaled, {"thrust_scale": ("battery_sag",)})
@@ -1060,11 +1080,10 @@ class TestOpenTab:
         self, views: dict[str, View], tabs: Callable[[str, View], OpenTab]
     ) -> None:
         view = views["at first"]
-        assert view.opened is not None
         first = view.opened.logs[0]
         assert first.quality is not None
         report = replace(first.quality, findings=(finding(Kind.RESET, [(8.0, 8.0)], of="height"),))
-        logs = [replace(first, quality=report, flight=view.flights[0]), view.opened.logs[1]]
+        logs = [replace(first, quality=report, flight=view.opened.flights[0]), view.opened.logs[1]]
         shown = str(tabs("missing", replace(view, opened=replace(view.opened, logs=logs))).shown)
         assert "0.csv: The estimator reset its height at 8.0 s: it jumps there." in shown
 
@@ -1101,11 +1120,11 @@ class TestOpenTab:
         self, views: dict[str, View], tabs: Callable[[str, View], OpenTab]
     ) -> None:
         view = views["at first"]
-        assert view.found is not None
-        first = view.found.diagnosis.ranking[0]
+        assert view.results.found is not None
+        first = view.results.found.diagnosis.ranking[0]
         little = {name: 0.999 * error for name, error in first.before.items()}
         small = replace(first, after=little, p_value=1e-9)
-        nothing = replace(view.found.diagnosis, verdict="none", missing=[], ranking=[small], steps=[])
+        nothing = replace(view.results.found.diagnosis, verdict="none", missing=[], ranking=[small], steps=[])
         results = replace(view.results, found=Diagnosed(nothing, {}))
         shown = str(tabs("missing", replace(view, results=results)).shown)
         assert "No effect of the catalogue reduces the held-out error " in shown
@@ -1148,7 +1167,7 @@ class TestOpenTab:
         self, views: dict[str, View], tabs: Callable[[str, View], OpenTab]
     ) -> None:
         view = _nothing_found(views["at first"], error_m_s2=0.567, floor_m_s2=0.246)
-        evaluation = view.evaluation
+        evaluation = view.results.evaluation
         assert evaluation is not None
         judged = replace(evaluation, unseen=replace(evaluation.comparison, rmse={"total": 0.567}))
         view = replace(view, results=replace(view.results, evaluation=judged))
@@ -1158,7 +1177,7 @@ class TestOpenTab:
         assert "check_circle" not in shown
 
     def test_the_error_is_said_in_words(self, views: dict[str, View], tabs: Callable[[str, View], OpenTab]) -> None:
-        evaluation = views["at first"].evaluation
+        evaluation = views["at first"].results.evaluation
         assert evaluation is not None
         error = evaluation.error_m_s2
         expected = f"The model mispredicts acceleration by {quantity(error)}, {share_of_g(error)} of g"
@@ -1195,7 +1214,7 @@ class TestOpenTab:
     def test_each_of_several_flights_has_its_error(
         self, views: dict[str, View], tabs: Callable[[str, View], OpenTab]
     ) -> None:
-        evaluation = views["at first"].evaluation
+        evaluation = views["at first"].results.evaluation
         assert evaluation is not None and list(evaluation.by_flight) == ["0.csv", "1.csv"]
         totals = [errors["total"] for errors in evaluation.by_flight.values()]
         mean_square = np.mean(np.square(totals))

@@ -23,6 +23,7 @@ from quadctl.lab.flights.dataset import Dataset, load_dataset
 from quadctl.lab.flights.prediction import rmse
 from quadctl.lab.selection.diagnosis import Diagnosis, diagnose
 from quadctl.lab.selection.rule import is_supported
+from quadctl.lab.study import Study, quiet
 from quadctl.lab.symbolic.effect_file import as_effect_file
 from quadctl.lab.symbolic.formula import Formula, Law, Symbolic
 from quadctl.model import Model
@@ -39,8 +40,8 @@ from quadctl.web.session.files import keep_expression, own_effects, places_of, r
 from quadctl.web.session.findings import Findings, require_formula
 from quadctl.web.session.session import Rung, Session, load_session, session_to_yaml
 from quadctl.web.work import jobs
-from quadctl.web.work.jobs import log_names
 from quadctl.web.work.predictions import predictions
+from quadctl.web.work.reading import log_names
 from quadctl.web.work.worker import CancelledError, Worker
 from tests.support.flights import obedient
 from tests.support.places import ROOT
@@ -85,7 +86,7 @@ class TestSession:
 
     def test_not_all_flights_can_be_held_out(self, climbed: Session) -> None:
         held = climbed.with_role(A, unseen=True)
-        assert held.seen == (B,)
+        assert held.unseen == {A}
         with pytest.raises(SettingsError, match="at least one"):
             held.with_role(B, unseen=True)
 
@@ -95,7 +96,7 @@ class TestSession:
         path.write_text(session_to_yaml(session))
         again = load_session(path)
         assert [log.resolve() for log in again.logs] == [log.resolve() for log in session.logs]
-        assert again.seen == (A.resolve(),)
+        assert again.unseen == {B.resolve()}
         assert [(r.name, r.error_m_s2, r.model.effects) for r in again.rungs] == [
             (r.name, r.error_m_s2, r.model.effects) for r in session.rungs
         ]
@@ -242,7 +243,7 @@ class TestFitOnce:
     def test_a_step_that_was_climbed_is_evaluated_without_another_fit(
         self, raptor: Vehicle, flight: Dataset, monkeypatch: pytest.MonkeyPatch
     ) -> None:
-        before = jobs.evaluated(jobs.Current(Model(raptor)), flight, None, lambda text: None)
+        before = Study(Model(raptor), flight).evaluate()
         fitted: list[tuple[str, ...]] = []
 
         def counted(self: Fitter, *arguments: Any, **named: Any) -> Optimum:
@@ -251,11 +252,11 @@ class TestFitOnce:
 
         fit = Fitter.fit
         monkeypatch.setattr(Fitter, "fit", counted)
-        current = jobs.Current(Model(raptor), before.solution)
-        climbed = jobs.add_effect("ground_effect.exponential", current, flight, None, lambda text: None)
+        study = Study(Model(raptor), flight, None, before.solution)
+        climbed = jobs.climb(Study.add, study, "ground_effect.exponential", progress=quiet)
         assert fitted == [("ground_effect.exponential",)] * 2  # on top of the model, and continued to the minimum
         assert climbed.evaluation.error_m_s2 == climbed.model.stack[-1].fitted.rmse_after  # type: ignore[union-attr]
-        jobs.look_for(jobs.Current(climbed.model, climbed.evaluation.solution), flight, lambda text: None)
+        jobs.look_for(Study(climbed.model, flight, None, climbed.evaluation.solution), quiet)
         assert ("ground_effect.exponential",) not in fitted[2:]
 
     def test_an_effect_of_a_file_stays_known_to_the_model_and_to_the_next_search(
@@ -263,11 +264,11 @@ class TestFitOnce:
     ) -> None:
         path = tmp_path / "own.py"
         path.write_text(OWN_EFFECT)
-        before = jobs.evaluated(jobs.Current(Model(raptor)), flight, None, lambda text: None)
-        current = jobs.Current(Model(raptor), before.solution)
-        climbed = jobs.add_expression(path, current, flight, None, lambda text: None)
+        before = Study(Model(raptor), flight).evaluate()
+        study = Study(Model(raptor), flight, None, before.solution)
+        climbed = jobs.climb(Study.add, study, str(path), progress=quiet)
         assert climbed.model.effect_files == (path,)
-        fit = jobs.Current(climbed.model, climbed.evaluation.solution).fit(flight)
+        fit = Study(climbed.model, flight, None, climbed.evaluation.solution).fit()
         assert fit.fitter.model.effect_files == (path,)
 
     def test_a_fit_without_its_flights_is_the_same_fit_on_them_again(self, raptor: Vehicle, flight: Dataset) -> None:

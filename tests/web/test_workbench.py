@@ -24,6 +24,7 @@ from quadctl.lab.evaluation import Evaluation, errors_of
 from quadctl.lab.flights.dataset import Dataset, load_dataset
 from quadctl.lab.flights.preparation import MAX_BANDWIDTH_HZ
 from quadctl.lab.selection.diagnosis import diagnose
+from quadctl.lab.study import Study, quiet
 from quadctl.logs.findings import Kind, finding
 from quadctl.logs.flight_log import FlightLog
 from quadctl.logs.quality import ChannelQuality, QualityReport, quality
@@ -42,7 +43,7 @@ from quadctl.web.work.jobs import Opened
 from quadctl.web.work.simulated import Simulation
 from quadctl.web.work.state import Message, Work
 from quadctl.web.work.worker import LIBRARIES, CancelledError
-from quadctl.web.workbench import workbench
+from quadctl.web.workbench import desk
 from quadctl.web.workbench.intake import Intake
 from quadctl.web.workbench.workbench import Workbench
 from tests.support.flights import obedient
@@ -68,11 +69,11 @@ class Here:
     async def run(self, job: Callable[..., Any], *args: Any, progress: Callable[[str], None]) -> Any:
         await self.go_on.wait()
         if job is reading.read_logs:
-            return []
+            return [reading.OpenedLog(path, problem=_problem(path)) for path in args[0]]
         if job is not jobs.open_logs:
             raise CancelledError
-        self.opened.append(tuple(path.name for path in args[0]))
-        return Opened([reading.OpenedLog(path, problem=_problem(path)) for path in args[0]], None, None)
+        self.opened.append(tuple(log.path.name for log in args[0]))
+        return Opened(args[0])
 
     def cancel(self) -> None:
         """Nothing: it is never cancelled."""
@@ -104,7 +105,7 @@ class _Untouchable:
 
 @pytest.fixture
 def bench(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Workbench:
-    monkeypatch.setattr(workbench, "Worker", Here)
+    monkeypatch.setattr(desk, "Worker", Here)
     made = Workbench(tmp_path, cast(Simulation, None))
     made.session = Session().begun_with(load_model(RAPTOR))
     return made
@@ -238,16 +239,16 @@ class TestUndo:
 
     def test_a_change_of_the_model_is_undone_and_redone(self, climbed: Workbench) -> None:
         after = climbed.session
-        assert climbed.can_undo and not climbed.can_redo
+        assert climbed.history.can_undo and not climbed.history.can_redo
         asyncio.run(climbed.undo())
         assert [rung.name for rung in climbed.session.rungs] == ["rigid body"]
-        assert climbed.can_redo and not climbed.can_undo
+        assert climbed.history.can_redo and not climbed.history.can_undo
         asyncio.run(climbed.redo())
         assert climbed.session == after
 
     def test_the_page_is_told_that_what_was_undone_can_be_redone(self, climbed: Workbench) -> None:
         shown: list[tuple[bool, bool]] = []
-        climbed.subscribe(lambda: shown.append((climbed.can_undo, climbed.can_redo)))
+        climbed.subscribe(lambda: shown.append((climbed.history.can_undo, climbed.history.can_redo)))
         asyncio.run(climbed.undo())
         assert shown[-1] == (False, True)
         asyncio.run(climbed.redo())
@@ -273,7 +274,7 @@ class TestUndo:
     def test_a_new_change_ends_the_redo(self, climbed: Workbench) -> None:
         asyncio.run(climbed.undo())
         asyncio.run(climbed.add("another"))
-        assert climbed.can_undo and not climbed.can_redo
+        assert climbed.history.can_undo and not climbed.history.can_redo
 
     def test_another_vehicle_takes_the_effects_away_and_undo_brings_them_back(
         self, climbed: Workbench, tmp_path: Path, raptor: Vehicle
@@ -307,7 +308,7 @@ class TestUndo:
 
     def test_another_session_has_nothing_to_undo(self, climbed: Workbench) -> None:
         asyncio.run(climbed.resume(replace(climbed.session, view="tab=flights")))
-        assert not climbed.can_undo
+        assert not climbed.history.can_undo
         asyncio.run(climbed.undo())
         assert climbed.message is not None and "no change of the model to undo" in climbed.message.text
 
@@ -327,7 +328,7 @@ class TestNewSession:
         asyncio.run(used.start_anew())
         assert used.session.logs == () and [rung.name for rung in used.session.rungs] == ["rigid body"]
         assert used.session.model == before.rungs[0].model and used.session.vehicle_assumed
-        assert not used.can_undo
+        assert not used.history.can_undo
         path = used.folder / f"{PREVIOUS}.lab.yaml"
         assert used.message is not None and f"{path}: open that file" in used.message.text
         kept = load_session(path)
@@ -417,11 +418,11 @@ class TestSampleFlight:
             async def run(
                 self, job: Callable[..., Any], *args: Any, progress: Callable[[str], None], **more: Any
             ) -> Any:
-                if job is jobs.fly_sample:
+                if getattr(job, "__func__", None) is Simulation.fly_sample:
                     return job(*args, progress)
                 return await super().run(job, *args, progress=progress)
 
-        monkeypatch.setattr(workbench, "Worker", AlsoFlies)
+        monkeypatch.setattr(desk, "Worker", AlsoFlies)
         monkeypatch.setattr(simulated, "read_log", lambda path: FlightLog(path.name, path, {"time_s": np.zeros(1)}))
         world = {"effects": [{"effect": "hidden.ground_cushion"}]}
         made = Workbench(tmp_path, Simulation(simulate, ROOT / "missions", tmp_path, None, world))
@@ -610,6 +611,17 @@ class TestOtherModel:
         assert bench.other_model is not None and bench.session is session
 
 
+def opened_logs(
+    paths: list[Path],
+    vehicle: Vehicle,
+    accepted: frozenset[Path] = frozenset(),
+    known: list[reading.OpenedLog] | None = None,
+) -> Opened:
+    """The logs, read and prepared as the worker does it."""
+    read = reading.read_logs(paths, known or [], quiet)
+    return jobs.open_logs(read, frozenset(), vehicle, "blocks", accepted, quiet)
+
+
 class TestOpening:
     @pytest.fixture
     def read(self, monkeypatch: pytest.MonkeyPatch, raptor: Vehicle) -> list[str]:
@@ -620,7 +632,7 @@ class TestOpening:
             seen.append(path.name)
             return obedient(load_model(RAPTOR), 20.0, name=path.name)
 
-        monkeypatch.setattr(jobs, "read_log", reading)
+        monkeypatch.setattr("quadctl.web.work.reading.read_log", reading)
         return seen
 
     def test_a_log_is_read_once_unless_it_changes(self, tmp_path: Path, raptor: Vehicle, read: list[str]) -> None:
@@ -629,9 +641,9 @@ class TestOpening:
         b.write_text("2")
 
         def open_both(vehicle: Vehicle, known: list[reading.OpenedLog]) -> list[reading.OpenedLog]:
-            return jobs.open_logs([a, b], frozenset(), vehicle, "blocks", known, frozenset(), lambda text: None).logs
+            return opened_logs([a, b], vehicle, known=known).logs
 
-        one = jobs.open_logs([a], frozenset(), raptor, "blocks", [], frozenset(), lambda text: None).logs
+        one = opened_logs([a], raptor).logs
         both = open_both(raptor, one)
         assert read == ["a.csv", "b.csv"]
         assert both[0] is one[0]
@@ -640,6 +652,16 @@ class TestOpening:
         a.write_text("changed")
         open_both(raptor, both)
         assert read == ["a.csv", "b.csv", "a.csv"]
+
+    def test_a_copy_is_used_when_its_original_is_left_out(
+        self, tmp_path: Path, raptor: Vehicle, read: list[str]
+    ) -> None:
+        a, b = tmp_path / "a.csv", tmp_path / "b.csv"
+        for path in (a, b):
+            path.touch()
+        both = opened_logs([a, b], raptor)
+        assert both.usable == [a] and "holds the same flight as a.csv" in both.logs[1].problem
+        assert opened_logs([b], raptor, known=both.logs).usable == [b] and read == ["a.csv", "b.csv"]
 
 
 class TestErrorsOfAllSteps:
@@ -657,7 +679,7 @@ class TestErrorsOfAllSteps:
         models = [Model(truth.vehicle), truth]
         for held_out in (None, unseen):
             found = errors_of(models, seen, held_out, lambda text: None)
-            evaluated = [jobs.evaluated(jobs.Current(model), seen, held_out, lambda text: None) for model in models]
+            evaluated = [Study(model, seen, held_out).evaluate() for model in models]
             assert found == [pytest.approx((each.error_m_s2, each.floor_m_s2)) for each in evaluated]
 
     def test_a_model_fitted_to_other_flights_is_judged_as_it_stands_not_by_refits(
@@ -670,7 +692,7 @@ class TestErrorsOfAllSteps:
         def judged(logs: tuple[str, ...] | None) -> Evaluation:
             item = StackedEffect(wrong, None if logs is None else Provenance(logs=logs))
             model = replace(truth, stack=(item,))
-            evaluation = jobs.evaluated(jobs.Current(model), seen, None, lambda text: None)
+            evaluation = Study(model, seen).evaluate()
             assert evaluation.by_flight["0.csv"]["total"] == pytest.approx(evaluation.error_m_s2)
             assert evaluation.remainder.error_m_s2 == pytest.approx(evaluation.error_m_s2)
             return evaluation
@@ -723,7 +745,7 @@ class TestRefit:
         return bench
 
     def test_other_parameters_are_a_step(self, fitted: Workbench) -> None:
-        assert fitted.session.rungs[-1].name == "refitted" and fitted.can_undo
+        assert fitted.session.rungs[-1].name == "refitted" and fitted.history.can_undo
         (effect,) = fitted.session.rungs[-1].model.effects
         assert effect.values()["a"] == pytest.approx(0.3, abs=0.05)
 
@@ -735,7 +757,7 @@ class TestRefit:
 
     def test_the_same_parameters_on_another_flight_are_a_step(self, fitted: Workbench) -> None:
         """They were not known to hold there."""
-        assert fitted.seen is not None and fitted.session.model is not None
+        assert fitted.opened.seen is not None and fitted.session.model is not None
         (item,) = fitted.session.model.stack
         elsewhere = replace(item, fitted=Provenance(logs=("1.csv",)))
         fitted.session = fitted.session.climbed(Rung("as it was", replace(fitted.session.model, stack=(elsewhere,))))
@@ -788,7 +810,7 @@ class TestEvidence:
     def test_the_next_flight_is_to_tell_look_alikes_of_earlier_steps_too(
         self, climbed: Workbench, monkeypatch: pytest.MonkeyPatch
     ) -> None:
-        search, model, seen = climbed.session.rungs[0].found, climbed.session.model, climbed.seen
+        search, model, seen = climbed.session.rungs[0].found, climbed.session.model, climbed.opened.seen
         assert search is not None and model is not None and seen is not None
         search.content["confounded"] = [["ground_effect", "tether"]]
         nothing = replace(diagnose(model, seen, [Hayden]), confounded=[])
@@ -854,13 +876,12 @@ class TestDoubts:
             log = obedient(load_model(RAPTOR), 20.0, noise_m_s=0.01, seed=seed, name=path.name)
             return replace(log, meta=said[path.name])
 
-        monkeypatch.setattr(jobs, "read_log", reading)
+        monkeypatch.setattr("quadctl.web.work.reading.read_log", reading)
         return said
 
     def opened(self, vehicle: Vehicle, metas: dict[str, dict[str, Any]], *accepted: str) -> jobs.Opened:
         paths = [Path(name) for name in metas]
-        answered = frozenset(Path(name) for name in accepted)
-        return jobs.open_logs(paths, frozenset(), vehicle, "blocks", [], answered, lambda text: None)
+        return opened_logs(paths, vehicle, frozenset(Path(name) for name in accepted))
 
     def test_another_mass_is_asked_about(self, raptor: Vehicle, metas: dict[str, dict[str, Any]]) -> None:
         metas["a.csv"] = {"vehicle": {"name": raptor.name, "mass_kg": 1.9}}

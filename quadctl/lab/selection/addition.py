@@ -36,8 +36,8 @@ class Addition(Refit):
         return "" if helps else "The effect does not lower the held-out error significantly: leave it out."
 
 
-def add(effect: type[Effect], model: Model, dataset: Dataset) -> Addition:
-    """Fit `model` with `effect` on top of its stack.
+def add(effect: type[Effect], model: Model, dataset: Dataset, fit: FittedModel | None = None) -> Addition:
+    """Fit `model` with `effect` on top of its stack; `fit` is that of the model to these flights, where it is known.
 
     Raises
     ------
@@ -46,11 +46,6 @@ def add(effect: type[Effect], model: Model, dataset: Dataset) -> Addition:
     """
     if effect.family() in {present.family() for present in model.effects}:
         raise SettingsError(f"{model.name}: holds a {effect.family()} already, expected another family to add")
-    return add_to_fit(effect, model, fit_model(model, dataset))
-
-
-def add_to_fit(effect: type[Effect], model: Model, fit: FittedModel) -> Addition:
-    """Fit `model`, whose fit is given, with `effect` on top of its stack; the model must not hold an effect of that
-    family."""
-    on_top, _ = fit_on_top(effect, Unmodelled(fit.relabelled(model)))
-    return refitted(Addition, model, fit, on_top.refined(), added=True)
+    before = fit_model(model, dataset) if fit is None else fit
+    on_top, _ = fit_on_top(effect, Unmodelled(before.relabelled(model)))
+    return refitted(Addition, model, before, on_top.refined(), added=True)

@@ -19,7 +19,7 @@ from quadctl.lab.fitting.flexible_regression import flexible_residual, noise_flo
 from quadctl.lab.flights.dataset import Dataset
 from quadctl.lab.flights.prediction import rmse
 from quadctl.lab.results import Result, errors_table
-from quadctl.lab.selection.addition import Addition, add_to_fit
+from quadctl.lab.selection.addition import Addition, add
 from quadctl.lab.selection.diagnosis import Diagnosis, diagnose_fit
 from quadctl.lab.selection.wording import p_in_table
 from quadctl.lab.words import in_words
@@ -116,6 +116,6 @@ def discover(
     additions: list[Addition] = []
     for family in diagnosis.missing:
         progress(f"adding {kinds[family].name}")
-        last = (additions[-1].model, additions[-1].fit_after) if additions else (model, fit)
-        additions.append(add_to_fit(kinds[family], *last))
+        last, fitted = (additions[-1].model, additions[-1].fit_after) if additions else (model, fit)
+        additions.append(add(kinds[family], last, dataset, fitted))
     return Discovery(before, diagnosis, additions)

@@ -108,9 +108,10 @@ class Refit(Result):
 
     @property
     def is_repetition(self) -> bool:
-        """True where the model was fitted to these flights before, and no parameter has moved by more than a small part
-        of its interval."""
-        if not is_fitted_to(self.before_model, self.dataset.names):
+        """True where the model had the same effects and was fitted to these flights before, and no parameter has moved
+        by more than a small part of its interval."""
+        names = [[effect.name for effect in model.effects] for model in (self.before_model, self.model)]
+        if names[0] != names[1] or not is_fitted_to(self.before_model, self.dataset.names):
             return False
         before, after = (values_of(model, self.fit_after.free) for model in (self.before_model, self.model))
         widths = np.array([high - low for low, high in self.fit_after.intervals])

@@ -45,8 +45,9 @@ class Removal(Refit):
         return {"removed": self.removed.name, **super().to_dict()}
 
 
-def remove(word: str, model: Model, dataset: Dataset) -> Removal:
-    """Remove the effect called `word` (see `held_effect`) from `model`, and refit the rest.
+def remove(word: str, model: Model, dataset: Dataset, fit: FittedModel | None = None) -> Removal:
+    """Remove the effect called `word` (see `held_effect`) from `model`, and refit the rest; `fit` is that of the model
+    to these flights, where it is known.
 
     Raises
     ------
@@ -54,12 +55,8 @@ def remove(word: str, model: Model, dataset: Dataset) -> Removal:
         The model does not hold it.
     """
     effect = held_effect(word, model)
-    return remove_from_fit(effect, model, fit_model(model, dataset))
-
-
-def remove_from_fit(effect: Effect, model: Model, fit: FittedModel) -> Removal:
-    """Remove `effect`, one of the stack, from `model`, whose fit is given, and refit the rest."""
-    return refitted(Removal, model, fit, fit_model(without(effect, model), fit.dataset), removed=effect)
+    before = fit_model(model, dataset) if fit is None else fit
+    return refitted(Removal, model, before, fit_model(without(effect, model), before.dataset), removed=effect)
 
 
 def without(effect: Effect, model: Model) -> Model:

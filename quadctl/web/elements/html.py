@@ -1,6 +1,6 @@
 """Building blocks of the pages: headings, placeholders, and a figure with its download buttons."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import partial
 
 from nicegui import ui
@@ -41,6 +41,18 @@ def empty(icon: str, title: str, text: str) -> None:
         ui.icon(icon).classes("empty-icon")
         tag("h3", "", title)
         tag("p", "muted", text)
+
+
+def table(classes: str, columns: Mapping[str, str], rows: Iterable[Sequence[str]]) -> None:
+    """Draw a table; `columns` are the classes of its cells by their heads: "number" where they stand on the right."""
+    with tag("table", classes):
+        with tag("tr"):
+            for head, kind in columns.items():
+                tag("th", "number" if kind == "number" else "", head)
+        for row in rows:
+            with tag("tr"):
+                for kind, text in zip(columns.values(), row, strict=True):
+                    tag("td", kind, text)
 
 
 def busy() -> None:

@@ -86,6 +86,13 @@ class StreamedUpload(ui.upload):
         super()._handle_delete()
 
 
+def choose_button(upload: ui.upload, label: str, icon: str, props: str) -> None:
+    """Draw a button that opens the window in which files for `upload` are chosen: only in the browser itself may a
+    click do so."""
+    choose = ui.button(label, icon=icon).props(f"no-caps {props}")
+    choose.on("click", js_handler=f"() => runMethod({upload.id}, 'pickFiles', [])")
+
+
 async def _write(request: Request, path: Path) -> None:
     """Write the body of a request to a new file; a disk is slow, and others wait for the page meanwhile."""
     path.parent.mkdir(parents=True, exist_ok=True)

@@ -1,9 +1,8 @@
 """One open tab of a browser: its choices (part, flight, axis, selection), and its panels, drawn from the workbench."""
 
-from collections.abc import Awaitable, Callable, Mapping, Sequence
+from collections.abc import Awaitable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
-from pathlib import Path
 from typing import Any
 
 from nicegui import ui
@@ -13,23 +12,22 @@ from nicegui.elements.mixins.disableable_element import DisableableElement
 from nicegui.events import KeyEventArguments
 
 from quadctl.lab.comparison.wording import agreement_in_short, ended
-from quadctl.lab.flights.prediction import AXES
-from quadctl.vehicle_draft.draft import Answers
 from quadctl.web.elements.browser_theme import keep_theme, wanted_theme
 from quadctl.web.elements.html import tag
 from quadctl.web.elements.theme import DARK, LIGHT, Theme
-from quadctl.web.elements.upload import SentFile, StreamedUpload
-from quadctl.web.page.choices import Choices, choices_of
+from quadctl.web.elements.upload import SentFile
 from quadctl.web.panels import compensator, fails, flights, missing, over_time
+from quadctl.web.panels.choices import FILE, Choices, choices_of
 from quadctl.web.panels.frame import Doubts, FittedTo, Header, Start, Status
 from quadctl.web.panels.help import help_dialog
 from quadctl.web.panels.ladder import Ladder
 from quadctl.web.panels.panel import Panel, Tab
 from quadctl.web.panels.stack import Stack, limited_in_words
-from quadctl.web.panels.view import FILE, Brush, View
+from quadctl.web.panels.verdict import Verdict
+from quadctl.web.panels.view import View
 from quadctl.web.work.state import Message
 from quadctl.web.work.worker import CancelledError
-from quadctl.web.workbench.intake import TEMPLATE, Intake
+from quadctl.web.workbench.intake import Intake
 from quadctl.web.workbench.workbench import Workbench
 
 WENT_BACK = "quadctl-went-back"
@@ -77,7 +75,7 @@ class Page:
     def __init__(self, bench: Workbench, intake: Intake, client: Client, query: str) -> None:
         """A tab of `bench` whose address has this query; without one, it begins with the choices of the session."""
         self.bench = bench
-        self._intake, self._client = intake, client
+        self.intake, self._client = intake, client
         self._choices = _known(choices_of(query or bench.session.view))
         self._theme = LIGHT
         self._frame_parts: list[Part] = []
@@ -184,7 +182,7 @@ class Page:
         self._tab_parts = []
         self.refresh()
 
-    def _choose(self, **changes: Any) -> None:
+    def choose(self, **changes: Any) -> None:
         """Change choices of this tab; its address follows, so that it is a link to what is shown."""
         self._choices = replace(self._choices, **changes)
         self._tell_address()
@@ -203,7 +201,9 @@ class Page:
         if bench.results.evaluation is not None:  # until the next one is there, the figures stay as they are
             self._worst_axis = bench.results.evaluation.worst_axis
         return View(
+            choices=replace(chosen, axis=chosen.axis or self._worst_axis),
             session=bench.session,
+            history=bench.history,
             opened=bench.opened,
             results=bench.results,
             work=bench.work,
@@ -212,22 +212,12 @@ class Page:
             as_read=bench.as_read,
             waiting=bench.waiting,
             windows=bench.windows,
-            can_undo=bench.can_undo,
-            can_redo=bench.can_redo,
             hidden=bench.simulation.hidden,
-            vehicles=tuple(self._intake.vehicles),
-            own_vehicles=tuple(self._intake.own_vehicles),
+            vehicles=tuple(self.intake.vehicles),
+            own_vehicles=tuple(self.intake.own_vehicles),
             folder=bench.folder,
-            template=TEMPLATE,
-            theme=self._theme,
-            axis=chosen.axis or self._worst_axis,
-            brush=chosen.brush,
-            flight_name=chosen.flight,
-            channels=chosen.channels,
-            beside=chosen.beside,
             other_model=bench.other_model,
-            evidence=chosen.evidence,
-            over_each_other=chosen.over_each_other,
+            theme=self._theme,
         )
 
     def _is_in_sight(self, message: Message | None) -> bool:
@@ -255,8 +245,9 @@ class Page:
     def refresh(self) -> None:
         """Draw the panels again whose fields have changed."""
         view = self.view()
-        others = self._forget_other_flights(frozenset(view.flight_names))
-        if self._forget_axis_of("" if view.vehicle is None else view.vehicle.name) or others:
+        others = self._forget_other_flights(frozenset(view.opened.flight_names))
+        vehicle = view.session.vehicle
+        if self._forget_axis_of("" if vehicle is None else vehicle.name) or others:
             self._tell_address()
             view = self.view()
         self._idle = view.idle
@@ -305,43 +296,17 @@ class Page:
         assert self._drawing is not None, "only a panel that is being drawn has room for another"
         self._drawing.nested.append(Part(tag("div", classes), panel))
 
-    def receive(self, upload: StreamedUpload, take: Callable[[Sequence[SentFile]], Awaitable[None]]) -> None:
-        self._intake.receive(upload, take)
-
-    def look_at(self, flight: str | None = None, axis: str | None = None) -> None:
-        self._choose(flight=flight or self._choices.flight, axis=axis or self._choices.axis)
-
-    def choose_channels(self, channels: Sequence[str], over_each_other: bool) -> None:
-        self._choose(channels=tuple(channels), over_each_other=over_each_other)
-
-    def compare_with(self, beside: str) -> None:
-        """Draw another model beside those that are drawn: a step of the ladder, a file, or none (see `View`)."""
-        self._choose(beside=beside)
-
-    async def take_model(self, file: SentFile) -> None:
-        """Draw the model of a file beside the others."""
-        if await self._intake.take_model(file):
-            self.compare_with(FILE)
-
     def show_evidence(self, effect: str) -> None:
         """Open the evidence for an effect of the model or a missing one; close it where `effect` is empty."""
-        self._choose(evidence=effect)
+        self.choose(evidence=effect)
         if effect:
             self._tabs.set_value(missing.TAB.name)
-
-    def select(self, ranges: Brush, axis: str, flight: str | None = None) -> None:
-        """Select the samples in `ranges`, and look at an axis and a flight; None: at the same flight."""
-        shown = axis if axis in AXES else self._choices.axis
-        self._choose(brush=ranges, axis=shown, flight=flight or self._choices.flight)
 
     def show_vehicles(self) -> None:
         """Show the part of the page where another vehicle is chosen."""
         self._tabs.set_value(flights.TAB.name)
         with self._client:
             ui.run_javascript(SCROLL_TO_VEHICLE)
-
-    def clear_brush(self) -> None:
-        self._choose(brush={})
 
     def toggle_theme(self) -> None:
         self._set_theme(LIGHT if self._theme is DARK else DARK)
@@ -367,25 +332,16 @@ class Page:
 
     async def take_files(self, files: Sequence[SentFile]) -> None:
         before = self.bench.session.view
-        await self.act(self._intake.take(files))
+        await self.act(self.intake.take(files))
         view = self.bench.session.view
         if view and view != before:  # a session was opened, and this tab shows it as it was saved
             self._show_choices(choices_of(view))
             self._tell_address()
 
-    def refuse_file(self, name: str, size: float, too_large: bool) -> None:
-        self._intake.refuse(name, size, too_large)
-
-    async def use_vehicle(self, text: str, from_a_form: bool = False) -> None:
-        await self.act(self._intake.use_vehicle(text, from_a_form))
-
-    async def use_new_vehicle(self, answers: Answers, parameters: Mapping[str, float]) -> None:
-        await self.act(self._intake.use_new_vehicle(answers, parameters))
-
-    async def read_parameters(self, log: Path, take: Callable[[Mapping[str, float]], None]) -> None:
-        parameters = await self._intake.parameters_of(log)
-        if parameters:
-            take(parameters)
+    async def take_model(self, file: SentFile) -> None:
+        """Draw the model of a file beside the others."""
+        if await self.intake.take_model(file):
+            self.choose(beside=FILE)
 
     def export_model(self) -> None:
         text, model = self.bench.model_file(), self.bench.session.model
@@ -400,12 +356,14 @@ class Page:
 
     async def save_report(self) -> None:
         with suppress(CancelledError):
-            view = self.view()
-            verdict = missing.Verdict.of(view)
-            about_flights = [] if view.agreement is None else [agreement_in_short(view.agreement)]
-            if view.evaluation is not None:
-                about_flights.append(limited_in_words(view.evaluation, view.found))
-            doubts = [] if view.model is None else compensator.doubts_in_words(view.model, view.look_alikes)
+            session, results = self.bench.session, self.bench.results
+            verdict = Verdict.of(self.view())
+            about_flights: list[str] = []
+            if results.evaluation is not None:
+                agreement = results.evaluation.agreement
+                about_flights += [] if agreement is None else [agreement_in_short(agreement)]
+                about_flights.append(limited_in_words(results.evaluation, results.found))
+            doubts = [] if session.model is None else compensator.doubts_in_words(session.model, session.look_alikes)
             said = [*verdict.sentences, *doubts, *(ended(sentence) for sentence in about_flights if sentence)]
             html = await self.bench.report(said, verdict.condition)
             if html is not None:

@@ -13,8 +13,8 @@ from quadctl.web.elements.html import plot, tag
 from quadctl.web.elements.theme import Theme
 from quadctl.web.figures.path import path_figure
 from quadctl.web.figures.timeline import full_timeline, gaps_in
+from quadctl.web.panels.choices import Brush
 from quadctl.web.panels.panel import Controls, Panel
-from quadctl.web.panels.view import Brush
 from quadctl.web.panels.zoomed import zoomed_plot
 from quadctl.web.work.predictions import predictions
 
@@ -35,7 +35,7 @@ class ChosenFlightPanel(Panel):
         """Draw a list to choose another flight, where there is more than one."""
         if len(self.flight_names) > 1:
             select = ui.select(list(self.flight_names), value=flight.name, label="Flight")
-            select.props("dense outlined options-dense").on_value_change(lambda e: do.look_at(flight=e.value))
+            select.props("dense outlined options-dense").on_value_change(lambda e: do.choose(flight=e.value))
 
     def draw_brush_note(self, do: Controls, brushed: Mask | None) -> None:
         """Draw the selected ranges in words, with a button that clears them."""
@@ -45,7 +45,7 @@ class ChosenFlightPanel(Panel):
         with tag("div", "line brush"):
             tag("span", "brush-mark")
             tag("span", "grow", f"Selected: {listed(ranges)}, {percent(float(brushed.mean()))} of this flight")
-            ui.button("Clear", on_click=do.clear_brush).props("flat dense no-caps")
+            ui.button("Clear", on_click=lambda: do.choose(brush={})).props("flat dense no-caps")
 
     def draw_timeline(self, flight: Flight, brushed: Mask | None, name: str, label: str) -> ui.plotly:
         """Draw all channels over time, with the prediction of each model; files of the figure are called `name`."""

@@ -18,7 +18,7 @@ from quadctl.web.elements.theme import Theme
 from quadctl.web.figures.ratio import ratio_over_height, ratio_over_speed
 from quadctl.web.figures.steps import step_figure
 from quadctl.web.panels.glossary import explained
-from quadctl.web.panels.panel import Controls, Panel, Tab
+from quadctl.web.panels.panel import Controls, Panel, Tab, work_button
 from quadctl.web.work.simulated import FAR, WITH, WITHOUT
 
 NAMED_EFFECTS = 3
@@ -160,8 +160,8 @@ class SimulatedFlight(Panel):
             )
             if self.hidden is None:
                 tag("p", "muted", "It shows what the compensator does to the flight, not whether the model is right.")
-            fly = ui.button("Fly it in simulation", icon="flight_takeoff", on_click=lambda: do.act(do.bench.fly()))
-            do.when_idle(fly.props("no-caps unelevated"), not self.refused)
+            allowed = not self.refused
+            work_button(do, "Fly it in simulation", do.bench.fly, "unelevated", "flight_takeoff", allowed)
             if self.steps is None:
                 return
             with tag("div", "panes"):

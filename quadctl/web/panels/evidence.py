@@ -15,10 +15,10 @@ from quadctl.lab.selection.diagnosis import Diagnosis
 from quadctl.lab.selection.evidence import Evidence as Found
 from quadctl.lab.selection.wording import error_in_table, p_in_table, reason_against, unit_of
 from quadctl.lab.words import in_words
-from quadctl.web.elements.html import heading, loading, plot, tag
+from quadctl.web.elements.html import heading, loading, plot, table, tag
 from quadctl.web.elements.theme import Theme
 from quadctl.web.figures.evidence import evidence_figure
-from quadctl.web.panels.panel import Controls, Panel
+from quadctl.web.panels.panel import Controls, Panel, work_button
 from quadctl.web.session.findings import Diagnosed
 from quadctl.web.work.state import Gathered
 
@@ -95,8 +95,7 @@ class Evidence(Panel):
             tag("p", "", f"{name} is told from its confounded effects by {shown.effect.distinguished_by}.")
             tag("p", "muted", "A mission that does so, whatever these flights have shown already:")
             tag("code", "command", f"quadctl fly {shown.effect.mission}")
-            ask = ui.button("Compare all missions", on_click=lambda: do.act(do.bench.suggest()))
-            do.when_idle(ask.props("no-caps outline"))
+            work_button(do, "Compare all missions", do.bench.suggest, "outline")
 
 
 def _fit_in_words(shown: Found) -> str:
@@ -110,22 +109,15 @@ def _fit_in_words(shown: Found) -> str:
 
 
 def _draw_errors(shown: Found) -> None:
-    with tag("div", "scroll").props('tabindex="0"'), tag("table", "small"):
-        with tag("tr"):
-            tag("th", "", "axis")
-            for head in ("without it", "with it", "change"):
-                tag("th", "number", head)
-        for group, axes in GROUPS.items():
-            for axis in (*axes, group):
-                if axis not in shown.after:
-                    continue
-                before, after = shown.before[axis], shown.after[axis]
-                with tag("tr"):
-                    named = _OF_GROUP[group] if axis == group else _AXES.get(axis, axis)
-                    tag("td", "", f"{named} / {unit_of(group)}")
-                    tag("td", "number", error_in_table(before))
-                    tag("td", "number", error_in_table(after))
-                    tag("td", "number", change_in_words(1.0 - after / max(before, LEAST_ERROR)))
+    rows = []
+    for group, axes in GROUPS.items():
+        for axis in (each for each in (*axes, group) if each in shown.after):
+            before, after = shown.before[axis], shown.after[axis]
+            named = _OF_GROUP[group] if axis == group else _AXES.get(axis, axis)
+            change = change_in_words(1.0 - after / max(before, LEAST_ERROR))
+            rows.append((f"{named} / {unit_of(group)}", error_in_table(before), error_in_table(after), change))
+    with tag("div", "scroll").props('tabindex="0"'):
+        table("small", {"axis": "", "without it": "number", "with it": "number", "change": "number"}, rows)
 
 
 def _draw_losers(search: Diagnosed | None, name: str) -> None:
@@ -155,17 +147,19 @@ def _draw_losers(search: Diagnosed | None, name: str) -> None:
 
 
 def _draw_reasons(losers: list[Candidate], winners: list[Candidate]) -> None:
-    with tag("div", "scroll").props('tabindex="0"'), tag("table", "small reasons"):
-        with tag("tr"):
-            for head in ("effect", "tried beside", "change", "p", "why it lost"):
-                tag("th", "", head)
-        for candidate in losers:
-            with tag("tr"):
-                tag("td", "mono", candidate.effect.name)
-                tag("td", "", _beside(candidate))
-                tag("td", "", f"{change_in_words(candidate.held_out_drop)} {ERRORS[candidate.measure]}")
-                tag("td", "", p_in_table(candidate.p_value))
-                tag("td", "", sentence(in_words(reason_against(candidate, rival_of(candidate, winners)))))
+    rows = [
+        (
+            candidate.effect.name,
+            _beside(candidate),
+            f"{change_in_words(candidate.held_out_drop)} {ERRORS[candidate.measure]}",
+            p_in_table(candidate.p_value),
+            sentence(in_words(reason_against(candidate, rival_of(candidate, winners)))),
+        )
+        for candidate in losers
+    ]
+    with tag("div", "scroll").props('tabindex="0"'):
+        columns = {"effect": "mono", "tried beside": "", "change": "", "p": "", "why it lost": ""}
+        table("small reasons", columns, rows)
 
 
 def _beside(candidate: Candidate) -> str:

@@ -7,7 +7,6 @@ from nicegui import ui
 from nicegui.events import GenericEventArguments
 
 from quadctl.lab.arrays import Mask
-from quadctl.lab.comparison.agreement import Agreement
 from quadctl.lab.comparison.comparison import Comparison
 from quadctl.lab.comparison.failures import MOST, Failure, Profile, told
 from quadctl.lab.comparison.wording import (
@@ -22,16 +21,17 @@ from quadctl.lab.comparison.wording import (
 )
 from quadctl.lab.evaluation import Evaluation
 from quadctl.lab.flights.flight import Flight
+from quadctl.lab.flights.prediction import AXES
 from quadctl.web.elements.html import empty, heading, loading, plot, tag
 from quadctl.web.elements.theme import Theme
 from quadctl.web.figures.error_map import error_map
 from quadctl.web.figures.profile import profile_figure, share_in_words
+from quadctl.web.panels.choices import Brush
 from quadctl.web.panels.chosen_flight import ChosenFlightPanel, selected
 from quadctl.web.panels.glossary import explained
 from quadctl.web.panels.panel import Controls, Panel, Tab
 from quadctl.web.panels.sensors import HeightSensors
 from quadctl.web.panels.stack import apart_in_words
-from quadctl.web.panels.view import Brush
 
 _SCROLL = "document.querySelector('#selected').scrollIntoView()"
 _SCROLL_WHEN_DRAWN = """
@@ -49,22 +49,20 @@ SHOWN_SENTENCES, SHOWN_PROFILES = 4, 6
 class Failures(Panel):
     """Sentences on where the model fails, and the residual over the variables that explain most of it."""
 
-    comparison: Comparison | None
-    unseen_comparison: Comparison | None
-    agreement: Agreement | None
     evaluation: Evaluation | None
     thrust_reservation: str
     comparing: bool
     theme: Theme
 
     def draw(self, do: Controls) -> None:
-        comparison = self.comparison
-        if comparison is None:
+        evaluation = self.evaluation
+        if evaluation is None:
             if self.comparing:
                 loading("Comparing the model with the flights")
             else:
                 empty("troubleshoot", "No flight yet", "Open a flight log to see where your model fails.")
             return
+        comparison = evaluation.comparison
         with tag("section", "card"):
             heading("Where the model fails")
             with tag("p", "muted"):
@@ -74,19 +72,18 @@ class Failures(Panel):
                 )
             if self.thrust_reservation:
                 tag("p", "note", self.thrust_reservation)
-            if self.unseen_comparison is None:
+            if evaluation.unseen is None:
                 _draw_sentences(do, comparison)
             else:
-                for role, each in (("used by the fits", comparison), ("held out", self.unseen_comparison)):
+                for role, each in (("used by the fits", comparison), ("held out", evaluation.unseen)):
                     tag("h3", "", f"On {listed(each.dataset.names)} ({role})")
                     _draw_sentences(do, each)
-        if self.agreement is not None:
+        if evaluation.agreement is not None:
             with tag("section", "card"):
-                heading(agreement_in_short(self.agreement))
-                for i, part in enumerate(agreement_parts(self.agreement)):
+                heading(agreement_in_short(evaluation.agreement))
+                for i, part in enumerate(agreement_parts(evaluation.agreement)):
                     tag("p", "verdict-of-flights" if i == 0 else "muted", ended(sentence(part)))
-                apart = "" if self.evaluation is None else apart_in_words(self.evaluation)
-                if apart:
+                if apart := apart_in_words(evaluation):
                     tag("p", "muted", apart)
         telling = comparison.telling
         with tag("section", "card"):
@@ -138,7 +135,7 @@ def _draw_sentence(do: Controls, failure: Failure, comparison: Comparison) -> No
             return
 
         def select() -> None:
-            do.select(ranges, failure.axis, flight)
+            _choose(do, ranges, failure.axis, flight)
             ui.run_javascript(_SCROLL_WHEN_DRAWN)
 
         show = ui.button("Show", icon="my_location", on_click=select)
@@ -149,19 +146,20 @@ def _draw_sentence(do: Controls, failure: Failure, comparison: Comparison) -> No
 class Selected(ChosenFlightPanel):
     """The map of the residual, and the selected samples: on the path of the flight and in time."""
 
-    comparison: Comparison | None
+    evaluation: Evaluation | None
 
     def draw(self, do: Controls) -> None:
-        if self.comparison is None:
+        if self.evaluation is None:
             return
-        flight, over = self.flight, _two_strongest(self.comparison.profiles)
+        comparison = self.evaluation.comparison
+        flight, over = self.flight, _two_strongest(comparison.profiles)
         brushed = None if flight is None else selected(flight, self.brush)
         with tag("div", "panes").props('id="selected"'):
             if over is not None:
                 axis_name, variables = over
                 with tag("section", "card"):
                     heading("Residual over the two variables that explain most of it", "Drag a box to select.")
-                    drawn = error_map(self.comparison, axis_name, variables, self.theme)
+                    drawn = error_map(comparison, axis_name, variables, self.theme)
                     shown = plot(drawn, f"residual_{axis_name}_map", "Residual over two variables")
                     _let_select(do, shown, axis_name, variables)
             if flight is not None:
@@ -196,7 +194,7 @@ def _let_select(do: Controls, shown: ui.plotly, axis_name: str, variables: tuple
     """Select ranges of `variables` with the mouse, on a figure over them."""
     # Of the event only the range: it also holds the points, each with the whole figure, which is too much to be sent.
     shown.on("plotly_selected", lambda event: _select(do, event, axis_name, variables), args=["range"])
-    shown.on("plotly_deselect", do.clear_brush, args=[])
+    shown.on("plotly_deselect", lambda: do.choose(brush={}), args=[])
 
 
 def _select(do: Controls, event: GenericEventArguments, axis_name: str, variables: tuple[str, ...]) -> None:
@@ -208,7 +206,13 @@ def _select(do: Controls, event: GenericEventArguments, axis_name: str, variable
     if not all(isinstance(pair, list) and len(pair) == 2 for pair in ends):
         return
     chosen = {name: (min(pair), max(pair)) for name, pair in zip(variables, ends, strict=True)}
-    do.select(chosen, axis_name)
+    _choose(do, chosen, axis_name)
+
+
+def _choose(do: Controls, ranges: Brush, axis: str, flight: str | None = None) -> None:
+    """Select the samples in `ranges`, and look at an axis and a flight; None: at the same flight."""
+    shown = {"axis": axis} if axis in AXES else {}  # not "total"
+    do.choose(brush=ranges, **shown, **({} if flight is None else {"flight": flight}))
 
 
 TAB = Tab("fails", "Where it fails", "troubleshoot", (Failures, Selected, HeightSensors))

@@ -9,10 +9,11 @@ from nicegui.events import GenericEventArguments
 from quadctl.lab.comparison.wording import ended
 from quadctl.lab.flights.dataset import HoldOut
 from quadctl.logs.formats import labels
-from quadctl.web.elements.html import heading, tag
-from quadctl.web.elements.upload import StreamedUpload
+from quadctl.logs.quality import ChannelQuality
+from quadctl.web.elements.html import heading, table, tag
+from quadctl.web.elements.upload import StreamedUpload, choose_button
 from quadctl.web.panels.glossary import explained
-from quadctl.web.panels.panel import Controls, Panel, Tab
+from quadctl.web.panels.panel import Controls, Panel, Tab, work_button
 from quadctl.web.panels.vehicle import VehicleChoice, WhichVehicle
 from quadctl.web.session.files import LOG_SUFFIXES, MAX_UPLOAD_BYTES, SETTINGS_SUFFIXES
 from quadctl.web.work.jobs import Opened
@@ -25,12 +26,12 @@ _NAMES_AND_SIZES = "(entries) => emit(entries.map(e => [e.file.name, e.file.size
 class Flights(Panel):
     """The logs, each with its quality report and its role: for fitting, or held out."""
 
-    opened: Opened | None
+    opened: Opened
     unseen: frozenset[Path]
     hold_out: HoldOut
 
     def draw(self, do: Controls) -> None:
-        if self.opened is None:
+        if not self.opened.logs:
             return
         several = len(self.opened.usable) > 1
         with tag("section", "card"):
@@ -75,9 +76,8 @@ def _draw_log(do: Controls, log: OpenedLog, held_out: bool | None) -> None:
                     "held out", value=held_out, on_change=lambda e: do.act(do.bench.hold_out_log(log.path, e.value))
                 )
                 do.when_idle(held.props("dense"))
-            away = ui.button(icon="close", on_click=lambda: do.act(do.bench.forget_log(log.path)))
-            away.props["aria-label"] = f"Leave out {log.path.name}"
-            do.when_idle(away.props("flat dense round size=sm"))
+            props = f'flat dense round size=sm aria-label="Leave out {log.path.name}"'
+            work_button(do, "", lambda: do.bench.forget_log(log.path), props, "close")
         if log.doubt:
             tag("p", "", f"Not used yet. {log.doubt}.")
         if log.problem:
@@ -90,20 +90,17 @@ def _draw_log(do: Controls, log: OpenedLog, held_out: bool | None) -> None:
             "" if log.flight is None else f", {log.flight.duration_s:.0f} s of them used (in the air, not beside gaps)"
         )
         tag("p", "muted", f"{report.duration_s:.0f} s{used}; {source}.")
-        with ui.expansion("Quality report").props("dense"), tag("div", "scroll"), tag("table", "small"):
-            with tag("tr"):
-                for head in ("channel", "updates", "rate / Hz", "longest gap / s", "missing / %"):
-                    tag("th", "" if head == "channel" else "number", head)
-            for channel in report.channels:
-                with tag("tr"):
-                    tag("td", "", channel.name)
-                    several = channel.n_updates > 1
-                    tag("td", "number", str(channel.n_updates))
-                    tag("td", "number", f"{channel.rate_hz:.1f}" if several else "\u2013")
-                    tag("td", "number", f"{channel.longest_gap_s:.2f}" if several else "\u2013")
-                    tag("td", "number", f"{100.0 * channel.nan_share:.1f}")
+        with ui.expansion("Quality report").props("dense"), tag("div", "scroll"):
+            numbers = dict.fromkeys(("updates", "rate / Hz", "longest gap / s", "missing / %"), "number")
+            table("small", {"channel": "", **numbers}, map(_row, report.channels))
         for note in report.notes:
             tag("p", "muted", f"Note: {note}.")
+
+
+def _row(channel: ChannelQuality) -> tuple[str, ...]:
+    several = channel.n_updates > 1
+    rate, gap = (f"{channel.rate_hz:.1f}", f"{channel.longest_gap_s:.2f}") if several else ("\u2013", "\u2013")
+    return channel.name, str(channel.n_updates), rate, gap, f"{100.0 * channel.nan_share:.1f}"
 
 
 @dataclass(frozen=True)
@@ -120,22 +117,20 @@ def drop_zone(do: Controls) -> None:
     """Draw a box in which files are dropped, or chosen with a click."""
     with tag("div", "drop"):
         upload = StreamedUpload(multiple=True, max_file_size=MAX_UPLOAD_BYTES, label="Drop flight logs here")
-        do.receive(upload, do.take_files)
+        do.intake.receive(upload, do.take_files)
         upload.props(f'accept="{",".join((*LOG_SUFFIXES, *SETTINGS_SUFFIXES))}" flat bordered color="transparent"')
         # The list of flights says what becomes of them: a tick here would say that a file is used before it was read.
         # In the browser itself: only when it has its answer is a file one that was sent.
         upload.on("uploaded", js_handler=f"() => runMethod({upload.id}, 'removeUploadedFiles', [])")
         upload.on("rejected", lambda event: _refuse(do, event), js_handler=_NAMES_AND_SIZES)
         with tag("div", "line wrap"):
-            choose = ui.button("Choose files", icon="folder_open").props("no-caps unelevated")
-            # In the browser itself: only there does a click open the window in which files are chosen.
-            choose.on("click", js_handler=f"() => runMethod({upload.id}, 'pickFiles', [])")
+            choose_button(upload, "Choose files", "folder_open", "unelevated")
             tag("span", "muted grow", f"{labels()}; or a vehicle, a model or a session (.yaml).")
 
 
 def _refuse(do: Controls, event: GenericEventArguments) -> None:
     for name, size, why in event.args:
-        do.refuse_file(str(name), float(size), why == "max-file-size")
+        do.intake.refuse(str(name), float(size), why == "max-file-size")
 
 
 TAB = Tab("flights", "Flights", "folder_open", (Flights, DropZone, VehicleChoice))

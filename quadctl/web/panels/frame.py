@@ -14,13 +14,13 @@ from quadctl.web.elements.html import busy, heading, tag
 from quadctl.web.elements.theme import Theme
 from quadctl.web.panels.flights import drop_zone
 from quadctl.web.panels.glossary import explained
-from quadctl.web.panels.panel import Controls, Panel
+from quadctl.web.panels.panel import Controls, Panel, work_button
 from quadctl.web.panels.vehicle import VehicleChoice
 from quadctl.web.session.earlier import Earlier
 from quadctl.web.session.session import Rung
 from quadctl.web.work.jobs import Opened
 from quadctl.web.work.reading import OpenedLog
-from quadctl.web.work.state import Message
+from quadctl.web.work.state import Message, Work
 
 READ_S = 15.0
 """Time after which a message that is no error goes by itself: it lies over a part of the page."""
@@ -60,18 +60,18 @@ class Header(Panel):
 class Status(Panel):
     """The work and the search in progress, each with a way to cancel it, and the last message: always in sight."""
 
-    work_title: str | None
-    search_title: str | None
+    idle: bool
+    searching: bool
     message: Message | None
     waiting: tuple[str, ...]
 
     def draw(self, do: Controls) -> None:
-        if self.work_title is not None:
+        if not self.idle:
             with tag("div", "banner work").props('role="status"'):
                 busy()
                 do.nest(WorkInWords, "grow")
                 ui.button("Cancel", on_click=do.bench.cancel).props("flat dense no-caps")
-        if self.search_title is not None:
+        if self.searching:
             with tag("div", "banner search").props('role="status"'):
                 busy()
                 do.nest(SearchInWords, "grow")
@@ -88,11 +88,9 @@ class Status(Panel):
                 with tag("div", "grow"):
                     tag("span", "", ended(message.text))
                 if message.undo:
-                    undo = ui.button("Undo", icon="undo", on_click=lambda: do.act(do.bench.undo()))
-                    do.when_idle(undo.props("flat dense no-caps"))
+                    work_button(do, "Undo", do.bench.undo, "flat dense", "undo")
                 if message.go_back:
-                    back = ui.button("Go back to it", icon="undo", on_click=lambda: do.act(do.bench.go_back()))
-                    do.when_idle(back.props("flat dense no-caps"))
+                    work_button(do, "Go back to it", do.bench.go_back, "flat dense", "undo")
                 elif message.kind != "error":  # an error stays until it is read
                     ui.timer(READ_S, lambda: do.bench.dismiss(message), once=True)
                 ui.button(icon="close", on_click=lambda: do.bench.dismiss(message)).props(
@@ -104,10 +102,10 @@ class Status(Panel):
 class Doubts(Panel):
     """Questions about flights that seem to be of another vehicle; they are not used before the answer."""
 
-    opened: Opened | None
+    opened: Opened
 
     def draw(self, do: Controls) -> None:
-        for log in [] if self.opened is None else self.opened.logs:
+        for log in self.opened.logs:
             if log.doubt:
                 _draw_doubt(do, log)
 
@@ -116,10 +114,8 @@ def _draw_doubt(do: Controls, log: OpenedLog) -> None:
     with tag("div", "banner wrap").props('role="status" id="doubt"'):
         ui.icon("help").classes("warn")
         tag("span", "grow", f"{log.path.name}: {log.doubt}. Use it anyway?")
-        use = ui.button("Use it anyway", on_click=lambda: do.act(do.bench.use_anyway(log.path)))
-        do.when_idle(use.props("no-caps outline dense"))
-        leave = ui.button("Leave it out", on_click=lambda: do.act(do.bench.forget_log(log.path)))
-        do.when_idle(leave.props("no-caps flat dense"))
+        work_button(do, "Use it anyway", lambda: do.bench.use_anyway(log.path), "outline dense")
+        work_button(do, "Leave it out", lambda: do.bench.forget_log(log.path), "flat dense")
 
 
 @dataclass(frozen=True)
@@ -152,8 +148,7 @@ class FittedTo(Panel):
         with tag("div", "banner").props('role="status" id="fitted-to"'):
             ui.icon("rule")
             tag("span", "grow", words)
-            refit = ui.button(what, on_click=lambda: do.act(do.bench.refit()))
-            do.when_idle(refit.props("no-caps outline dense"), not self.off)
+            work_button(do, what, do.bench.refit, "outline dense", allowed=not self.off)
 
 
 @dataclass(frozen=True)
@@ -163,22 +158,22 @@ class WorkInWords(Panel):
     A panel of its own: if the Cancel button beside it were replaced at every step, clicks on it would be lost.
     """
 
-    work_title: str | None
-    work_detail: str
+    work: Work | None
 
     def draw(self, do: Controls) -> None:
-        ui.label(f"{self.work_title}: {self.work_detail}\u2026" if self.work_detail else f"{self.work_title}\u2026")
+        if self.work is not None:
+            ui.label(f"{self.work.title}: {self.work.detail}\u2026" if self.work.detail else f"{self.work.title}\u2026")
 
 
 @dataclass(frozen=True)
 class SearchInWords(Panel):
     """Title and step of the search; a panel of its own for the reason of `WorkInWords`."""
 
-    search_title: str | None
-    search_detail: str
+    search: Work | None
 
     def draw(self, do: Controls) -> None:
-        ui.label(f"{self.search_title}: {self.search_detail or 'every effect of the catalogue is tried'}\u2026")
+        if self.search is not None:
+            ui.label(f"{self.search.title}: {self.search.detail or 'every effect of the catalogue is tried'}\u2026")
 
 
 @dataclass(frozen=True)
@@ -221,6 +216,5 @@ class Start(Panel):
 
 def _draw_earlier(do: Controls, one: Earlier) -> None:
     with tag("div", "line wrap"):
-        go_on = ui.button(one.title, icon="history", on_click=lambda: do.act(do.bench.open_earlier(one.path)))
-        do.when_idle(go_on.props("no-caps outline dense"))
+        work_button(do, one.title, lambda: do.bench.open_earlier(one.path), "outline dense", "history")
         tag("span", "muted grow", f"{one.details} ({one.path.name})")

@@ -13,9 +13,9 @@ from quadctl.lab.flights.prediction import AXES
 from quadctl.logs.columns import motor_columns
 from quadctl.logs.events import events_of
 from quadctl.logs.flight_log import FlightLog
-from quadctl.web.elements.html import empty, heading, plot, tag
+from quadctl.web.elements.html import empty, heading, plot, table, tag
 from quadctl.web.elements.theme import Theme
-from quadctl.web.elements.upload import StreamedUpload
+from quadctl.web.elements.upload import StreamedUpload, choose_button
 from quadctl.web.figures.channels import (
     Statistics,
     channel_timeline,
@@ -32,7 +32,6 @@ from quadctl.web.panels.view import CURRENT
 from quadctl.web.panels.zoomed import zoomed_plot
 from quadctl.web.work.predictions import predictions
 
-FIRST_CHANNELS = ("z_m", "z_ref_m")
 MOST_MOTORS = 12
 PRESETS = {
     "Position and setpoint": ("x_m", "x_ref_m", "y_m", "y_ref_m", "z_m", "z_ref_m"),
@@ -61,7 +60,7 @@ class OverTime(ChosenFlightPanel):
             with tag("div", "line wrap"):
                 tag("h2", "title grow", "Measured and predicted acceleration")
                 self.draw_flight_choice(do, flight)
-                ui.toggle(list(AXES), value=self.axis, on_change=lambda e: do.look_at(axis=e.value)).props(
+                ui.toggle(list(AXES), value=self.axis, on_change=lambda e: do.choose(axis=e.value)).props(
                     'dense no-caps unelevated aria-label="Axis"'
                 )
             self._draw_other_model(do)
@@ -82,14 +81,12 @@ class OverTime(ChosenFlightPanel):
             options = {"": "none", **self.comparable}
             chosen = self.beside if self.beside in options else ""
             ui.select(
-                options, value=chosen, label="A further model", on_change=lambda e: do.compare_with(e.value)
+                options, value=chosen, label="A further model", on_change=lambda e: do.choose(beside=e.value)
             ).props("dense outlined options-dense")
             upload = StreamedUpload()
-            do.receive(upload, lambda files: do.act(do.take_model(files[0])))
+            do.intake.receive(upload, lambda files: do.act(do.take_model(files[0])))
             upload.props('accept=".yaml,.yml"').classes("hidden")
-            choose = ui.button("From a file", icon="file_open").props("flat dense no-caps")
-            # In the browser itself: only there does a click open the window in which files are chosen.
-            choose.on("click", js_handler=f"() => runMethod({upload.id}, 'pickFiles', [])")
+            choose_button(upload, "From a file", "file_open", "flat dense")
 
 
 @dataclass(frozen=True)
@@ -135,18 +132,18 @@ class AnyChannel(Panel):
             search.props("dense outlined options-dense use-chips").classes("grow channels")
             # Drawn again when the list closes: a list that closes at every choice would have to be opened again.
             for event in ("popup-hide", "remove"):
-                search.on(event, lambda: do.choose_channels(search.value, self.over_each_other), args=[])
+                search.on(event, lambda: do.choose(channels=tuple(search.value)), args=[])
             if len(self.flight_names) > 1:
                 ui.switch(
                     "all flights over each other",
                     value=self.over_each_other,
-                    on_change=lambda e: do.choose_channels(self.channels, e.value),
+                    on_change=lambda e: do.choose(over_each_other=e.value),
                 ).props("dense")
         with tag("div", "line wrap"):
             for name, columns in PRESETS.items():
-                wanted = [column for column in columns if column in offered]
+                wanted = tuple(column for column in columns if column in offered)
                 if wanted:
-                    choose = partial(do.choose_channels, wanted, self.over_each_other)
+                    choose = partial(do.choose, channels=wanted)
                     ui.button(name, on_click=choose).props("flat dense no-caps size=sm")
 
 
@@ -158,33 +155,25 @@ def _draw_events(log: FlightLog) -> None:
     with (
         ui.expansion(f"Modes, messages and parameter changes of {log.name} ({len(found)})").classes("more"),
         tag("div", "scroll tall").props('tabindex="0"'),
-        tag("table", "small"),
     ):
-        with tag("tr"):
-            tag("th", "number", "time / s")
-            tag("th", "", "event")
-        for event in found:
-            with tag("tr"):
-                tag("td", "number", f"{event.time_s:.2f}")
-                tag("td", "", event.what)
+        rows = [(f"{event.time_s:.2f}", event.what) for event in found]
+        table("small", {"time / s": "number", "event": ""}, rows)
 
 
 def _draw_statistics(found: Mapping[tuple[str, str], Statistics]) -> None:
     several = len({flight for flight, _ in found}) > 1
-    with tag("div", "scroll").props('tabindex="0"'), tag("table", "small"):
-        with tag("tr"):
-            for head in ("flight", "channel") if several else ("channel",):
-                tag("th", "", head)
-            for head in ("mean", "std", "min", "max", "rate / Hz"):
-                tag("th", "number", head)
-        for (flight, column), values in found.items():
-            with tag("tr"):
-                if several:
-                    tag("td", "", flight)
-                tag("td", "", in_words(column))
-                for value in values[:-1]:
-                    tag("td", "number", f"{value:.4g}".replace("-", "\u2212"))
-                tag("td", "number", f"{values.rate_hz:.1f}" if np.isfinite(values.rate_hz) else "\u2013")
+    numbers = dict.fromkeys(("mean", "std", "min", "max", "rate / Hz"), "number")
+    rows = [
+        (
+            *((flight,) if several else ()),
+            in_words(column),
+            *(f"{value:.4g}".replace("-", "\u2212") for value in values[:-1]),
+            f"{values.rate_hz:.1f}" if np.isfinite(values.rate_hz) else "\u2013",
+        )
+        for (flight, column), values in found.items()
+    ]
+    with tag("div", "scroll").props('tabindex="0"'):
+        table("small", {**({"flight": ""} if several else {}), "channel": "", **numbers}, rows)
 
 
 TAB = Tab("time", "Over time", "timeline", (OverTime, AnyChannel))

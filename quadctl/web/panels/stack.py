@@ -24,9 +24,9 @@ from quadctl.lab.fitting.nuisances import KINDS, bounds
 from quadctl.lab.flights.dataset import Dataset
 from quadctl.lab.selection.rule import is_significant
 from quadctl.model import StackedEffect
-from quadctl.web.elements.html import tag
+from quadctl.web.elements.html import table, tag
 from quadctl.web.panels.glossary import explained
-from quadctl.web.panels.panel import Controls, Panel
+from quadctl.web.panels.panel import Controls, Panel, work_button
 from quadctl.web.session.findings import Diagnosed
 from quadctl.web.session.session import Rung
 
@@ -87,8 +87,8 @@ class Stack(Panel):
                 if self.can_undo or self.can_redo:
                     _draw_undo(do, self.can_undo, self.can_redo)
                 if model.stack:
-                    refit = ui.button("Refit", on_click=lambda: do.act(do.bench.refit()))
-                    do.when_idle(refit.props("flat dense no-caps"), self.seen is not None and not self.off)
+                    allowed = self.seen is not None and not self.off
+                    work_button(do, "Refit", do.bench.refit, "flat dense", allowed=allowed)
             if not model.stack:
                 tag("p", "muted", f"None yet: the rigid body of {model.vehicle.name}, weight and rotor thrust alone.")
             for item in model.stack:
@@ -107,8 +107,7 @@ def _draw_undo(do: Controls, can_undo: bool, can_redo: bool) -> None:
         ("Undo", "undo", do.bench.undo, can_undo),
         ("Redo", "redo", do.bench.redo, can_redo),
     ):
-        button = ui.button(icon=icon, on_click=lambda act=act: do.act(act()))
-        do.when_idle(button.props(f'flat dense round size=sm aria-label="{name}" title="{name}"'), allowed)
+        work_button(do, "", act, f'flat dense round size=sm aria-label="{name}" title="{name}"', icon, allowed)
 
 
 def _draw_effect(do: Controls, item: StackedEffect, alike: Sequence[str], on: bool) -> None:
@@ -121,8 +120,8 @@ def _draw_effect(do: Controls, item: StackedEffect, alike: Sequence[str], on: bo
             show = ui.button(icon="fact_check", on_click=lambda: do.show_evidence(effect.name))
             show.props(f'flat dense round size=sm aria-label="Evidence for {effect.name}" title="Evidence"')
             show.set_enabled(on)
-            remove = ui.button(icon="close", on_click=lambda: do.act(do.bench.remove(effect.name)))
-            do.when_idle(remove.props(f'flat dense round size=sm aria-label="Remove {effect.name}"'))
+            props = f'flat dense round size=sm aria-label="Remove {effect.name}"'
+            work_button(do, "", lambda: do.bench.remove(effect.name), props, "close")
         tag("div", "mono muted", effect.name)
         if alike:
             tag("p", "note", looks_like(alike))
@@ -143,14 +142,8 @@ def _draw_effect(do: Controls, item: StackedEffect, alike: Sequence[str], on: bo
 def _draw_errors(evaluation: Evaluation) -> None:
     with tag("p", "muted what"):
         explained(f"Errors {kind_in_words(evaluation)}:")
-    with tag("table", "small by-flight"):
-        with tag("tr"):
-            tag("th", "", "flight")
-            tag("th", "number", "error / m/s²")
-        for flight, errors in evaluation.by_flight.items():
-            with tag("tr"):
-                tag("td", "", flight)
-                tag("td", "number", number(errors["total"]))
+    rows = [(flight, number(errors["total"])) for flight, errors in evaluation.by_flight.items()]
+    table("small by-flight", {"flight": "", "error / m/s²": "number"}, rows)
 
 
 def kind_in_words(evaluation: Evaluation) -> str:

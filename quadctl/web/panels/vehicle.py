@@ -28,11 +28,25 @@ from quadctl.vehicle_draft.frames import (
 from quadctl.vehicle_draft.questions import ITS_NUMBERS, NEW_VEHICLE, Question, wrong
 from quadctl.web.elements.html import heading, tag
 from quadctl.web.elements.theme import Theme
-from quadctl.web.elements.upload import StreamedUpload
+from quadctl.web.elements.upload import StreamedUpload, choose_button
 from quadctl.web.figures.rotors import rotors_svg
-from quadctl.web.panels.panel import Controls, Panel
+from quadctl.web.panels.panel import Controls, Panel, work_button
 from quadctl.web.session.files import vehicle_in
 
+TEMPLATE = """\
+name: my_vehicle
+mass_kg: 1.5
+rotor:
+  radius_m: 0.12
+  thrust_n_per_rpm2: 1.14e-7      # thrust of one rotor = this * rpm^2
+rotors:                           # forward, right, down from the centre of mass; motor1, motor2, ...
+  - {position_m: [ 0.12,  0.12, 0.0], spin: ccw}
+  - {position_m: [-0.12, -0.12, 0.0], spin: ccw}
+  - {position_m: [ 0.12, -0.12, 0.0], spin: cw}
+  - {position_m: [-0.12,  0.12, 0.0], spin: cw}
+throttle: {per_newton: 0.024, offset: 0.16, max_thrust_per_rotor_n: 9.0}
+"""
+"""Text of a vehicle file to begin with."""
 AS_LOGGED = "as in the log"
 """Choice of the frame whose rotors are those of a log's parameters."""
 ASSUMED = (
@@ -80,7 +94,6 @@ class VehicleChoice(Panel):
     vehicles: tuple[Path, ...]
     own_vehicles: tuple[Path, ...]
     logs: tuple[Path, ...]
-    template: str
     theme: Theme
 
     def draw(self, do: Controls) -> None:
@@ -113,16 +126,13 @@ class VehicleChoice(Panel):
                 _NewVehicle(do, logs, TYPICAL, self.theme)
             with ui.expansion("As a file (YAML)").props("dense"):
                 upload = StreamedUpload()
-                do.receive(upload, do.take_files)
+                do.intake.receive(upload, do.take_files)
                 upload.props('accept=".yaml,.yml"').classes("hidden")
-                choose = ui.button("Choose a file", icon="file_open").props("no-caps outline")
-                # In the browser itself: only there does a click open the window in which files are chosen.
-                choose.on("click", js_handler=f"() => runMethod({upload.id}, 'pickFiles', [])")
+                choose_button(upload, "Choose a file", "file_open", "outline")
                 tag("p", "muted", "Or write it here:")
-                text = self.template if vehicle is None else _as_text(_content(vehicle))
+                text = TEMPLATE if vehicle is None else _as_text(_content(vehicle))
                 box = ui.textarea("Vehicle file", value=text).props("outlined").classes("yaml")
-                use = ui.button("Use this file", on_click=lambda: do.use_vehicle(box.value))
-                do.when_idle(use.props("no-caps outline"))
+                work_button(do, "Use this file", lambda: do.intake.use_vehicle(box.value), "outline")
 
     def _entered(self) -> Answers | None:
         """Answers of the form from which the vehicle in use was made; None of one from a file, which assumes nothing,
@@ -197,10 +207,9 @@ def _draw_numbers(do: Controls, vehicle: Vehicle, theme: Theme) -> None:
         }
         if "assumed" in content:
             content["assumed"] = [name for name in content["assumed"] if not entered.get(name, False)]
-        await do.use_vehicle(_as_text(content), from_a_form=True)
+        await do.intake.use_vehicle(_as_text(content), from_a_form=True)
 
-    button = ui.button("Use these numbers", on_click=use)
-    do.when_idle(button.props("no-caps unelevated"))
+    work_button(do, "Use these numbers", use, "unelevated")
 
 
 class _NewVehicle:
@@ -215,7 +224,7 @@ class _NewVehicle:
             fill = ui.button(
                 f"Fill in from {log.name}",
                 icon="input",
-                on_click=partial(do.read_parameters, log, partial(self._fill, log.name)),
+                on_click=partial(self._fill, log),
             )
             fill.props("no-caps outline dense")
         self._filled = tag("p", "muted").props('role="status"')
@@ -238,8 +247,7 @@ class _NewVehicle:
             field.on_value_change(self._draw_rotors)
         self._draw_rotors()
         tag("p", "muted", ASSUMED)
-        use = ui.button("Use this vehicle", on_click=self._use)
-        do.when_idle(use.props("no-caps unelevated"))
+        work_button(do, "Use this vehicle", self._use, "unelevated")
 
     def _ask(self, name: str, value: float | None) -> ui.number:
         self._numbers[name] = _number(NEW_VEHICLE[name], value)
@@ -266,7 +274,11 @@ class _NewVehicle:
                 "display:contents"
             )
 
-    def _fill(self, log_name: str, parameters: Mapping[str, float]) -> None:
+    async def _fill(self, log: Path) -> None:
+        """Fill in what the parameters of an autopilot in a log say; the intake says why where it holds none."""
+        parameters = await self._do.intake.parameters_of(log)
+        if not parameters:
+            return
         self._parameters, known, check = parameters, told(parameters), ""
         if known.places is not None:
             self._frame.set_options([AS_LOGGED, *FRAMES], value=AS_LOGGED)
@@ -290,7 +302,7 @@ class _NewVehicle:
         )
         self._filled.clear()
         with self._filled:
-            ui.label(f"{log_name} says {names}; enter {entered}.{check}").style("display:contents")
+            ui.label(f"{log.name} says {names}; enter {entered}.{check}").style("display:contents")
 
     async def _use(self) -> None:
         self._name.error = None if (self._name.value or "").strip() else "expected a name"
@@ -303,7 +315,7 @@ class _NewVehicle:
         diagonal_m = value.pop("diagonal_m")
         value["arm_m"] = None if diagonal_m is None else 0.5 * diagonal_m
         answers = Answers(self._name.value.strip(), frame=None if self._as_logged else self._frame.value)
-        await self._do.use_new_vehicle(answers._replace(**value), self._parameters)
+        await self._do.intake.use_new_vehicle(answers._replace(**value), self._parameters)
 
 
 def _number(question: Question, value: float | None) -> ui.number:

@@ -139,11 +139,6 @@ def keep_expression(symbolic: Symbolic, model: Model, folder: Path) -> Path:
     return path
 
 
-def without_folder(sentence: str, path: Path) -> str:
-    """The sentence with the name of a file that was given to the page, which knows no folder of it."""
-    return sentence.replace(str(path), path.name)
-
-
 def own_effects(settings: Any) -> Iterator[str]:
     """Python files that a model, or a session, names for its effects: loading the model would run them."""
     if isinstance(settings, dict):

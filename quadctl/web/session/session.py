@@ -15,6 +15,7 @@ from quadctl.errors import SettingsError
 from quadctl.lab.flights.dataset import HoldOut
 from quadctl.model import Model, model_from_dict, model_to_dict
 from quadctl.settings import MAX_YAML_BYTES, Settings, read_yaml, validate
+from quadctl.vehicle import Vehicle
 from quadctl.web.session.findings import Findings
 
 SUFFIX = ".lab.yaml"
@@ -63,17 +64,16 @@ class Session:
         return self.rungs[self.current] if self.rungs else None
 
     @property
+    def vehicle(self) -> Vehicle | None:
+        return self.rungs[0].model.vehicle if self.rungs else None
+
+    @property
     def model(self) -> Model | None:
         """The current model without what is switched off."""
         if self.rung is None:
             return None
         model = self.rung.model
         return replace(model, stack=tuple(item for item in model.stack if item.effect.name not in self.off))
-
-    @property
-    def seen(self) -> tuple[Path, ...]:
-        """The logs that fits may use."""
-        return tuple(log for log in self.logs if log not in self.unseen)
 
     @property
     def look_alikes(self) -> dict[str, tuple[str, ...]]:
@@ -121,10 +121,9 @@ class Session:
 
     def judged(self, error_m_s2: float, floor_m_s2: float | None = None) -> "Session":
         """Session with the error and the reference error of the current step, m/s²."""
-        rung = replace(self.rungs[self.current], error_m_s2=error_m_s2, floor_m_s2=floor_m_s2)
-        return replace(self, rungs=(*self.rungs[: self.current], rung, *self.rungs[self.current + 1 :]))
+        return self.with_errors({self.current: (error_m_s2, floor_m_s2)})
 
-    def with_errors(self, errors: Mapping[int, tuple[float, float]]) -> "Session":
+    def with_errors(self, errors: Mapping[int, tuple[float, float | None]]) -> "Session":
         """Session with the error and the reference error, m/s², of some of its steps, by their numbers."""
         rungs = list(self.rungs)
         for step, (error, floor) in errors.items():

@@ -1,53 +1,47 @@
 """The long work of the page: functions that a `Worker` runs. Each takes `progress`, and what it takes and gives can be
 sent from process to process."""
 
-from collections import Counter
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
-from quadctl.effects import catalog_with, choose_effect, find_effect
 from quadctl.errors import QuadctlError
 from quadctl.lab.comparison.comparison import compare
-from quadctl.lab.comparison.wording import where_in_words
+from quadctl.lab.comparison.wording import listed, where_in_words
 from quadctl.lab.evaluation import Evaluation, evaluate
-from quadctl.lab.fitting.fitted_model import FittedModel, Solution, fit_model, is_fitted_to
+from quadctl.lab.fitting.fitted_model import is_fitted_to
 from quadctl.lab.flights.dataset import Dataset, HoldOut, joined
 from quadctl.lab.flights.flight import Flight
 from quadctl.lab.flights.preparation import prepare
 from quadctl.lab.planning.suggestion import Suggestion, suggest
 from quadctl.lab.report.results import Results, Shown
-from quadctl.lab.selection.addition import add, add_to_fit
-from quadctl.lab.selection.diagnosis import Diagnosis, diagnose_fit
+from quadctl.lab.selection.diagnosis import Diagnosis
 from quadctl.lab.selection.effect_curves import sketch
-from quadctl.lab.selection.evidence import Evidence, evidence_for
-from quadctl.lab.selection.refit import Refit, fit
-from quadctl.lab.selection.removal import held_effect, remove_from_fit
+from quadctl.lab.selection.refit import Refit
 from quadctl.lab.sensors.answers import SensorAnswers, answers_on_sensors
+from quadctl.lab.study import Study
 from quadctl.lab.tracking.step_response import StepResponses
 from quadctl.logs.flight_log import FlightLog
 from quadctl.logs.quality import quality
-from quadctl.logs.read import read_log
 from quadctl.logs.record.copies import copies
 from quadctl.model import Model
 from quadctl.vehicle import Vehicle
-from quadctl.web.session.files import without_folder
 from quadctl.web.session.findings import Findings
 from quadctl.web.session.session import Rung
-from quadctl.web.work.doubts import doubt_beside, doubt_of
-from quadctl.web.work.reading import OpenedLog, stamp_of
-from quadctl.web.work.simulated import Simulation
+from quadctl.web.work.doubts import cautions_of, doubt_beside, doubt_of, firmware, names_its_vehicle
+from quadctl.web.work.reading import OpenedLog
 from quadctl.web.work.worker import Progress
 
 
 @dataclass(frozen=True, eq=False)
 class Opened:
-    """The flights of a session, prepared."""
+    """The flights of a session, prepared; no log where none is open."""
 
-    logs: list[OpenedLog]
-    seen: Dataset | None
+    logs: list[OpenedLog] = field(default_factory=list)
+    seen: Dataset | None = None
     """Flights that fits may use; None where none can be analysed."""
-    unseen: Dataset | None
+    unseen: Dataset | None = None
+    """Flights held out of all fits."""
     sensors: SensorAnswers | None = None
     """Answers about the sensors of the height; None where no log has a barometer."""
 
@@ -56,20 +50,47 @@ class Opened:
         """Paths of the logs that can be analysed."""
         return [opened.path for opened in self.logs if not (opened.problem or opened.doubt)]
 
+    @property
+    def flights(self) -> tuple[Flight, ...]:
+        """Those that fits may use, and those held out."""
+        return tuple(flight for part in (self.seen, self.unseen) if part is not None for flight in part.flights)
+
+    @property
+    def flight_names(self) -> tuple[str, ...]:
+        return tuple(flight.name for flight in self.flights)
+
+    @property
+    def silent_logs(self) -> list[FlightLog]:
+        """Logs that are used and do not say which vehicle flew."""
+        return [one.log for one in self.logs if one.log is not None and not (one.problem or names_its_vehicle(one.log))]
+
+    @property
+    def silent(self) -> str:
+        """Sentence on the logs that do not say which vehicle flew, with the autopilot that they name; empty where all
+        do."""
+        logs = self.silent_logs
+        names = [f"{log.name} ({software})" if (software := firmware(log)) else log.name for log in logs]
+        return f"{listed(names)} {'does' if len(names) == 1 else 'do'} not say." if names else ""
+
+    @property
+    def weight_doubts(self) -> tuple[str, ...]:
+        """Doubts whether the vehicle is the one that flew, of the flights that are used."""
+        return tuple(f"{flight.name}: {doubt}" for flight in self.flights if (doubt := flight.weight_doubt))
+
+    @property
+    def cautions(self) -> tuple[str, ...]:
+        """Sentences on what the data of the flights lack, each with the name of its log."""
+        found = []
+        for log in self.logs:
+            if log.log is None or log.quality is None or log.flight is None or log.problem or log.doubt:
+                continue
+            used_s = float(log.flight.time_s[0]), float(log.flight.time_s[-1])
+            cautions = cautions_of(log.quality, log.flight.bandwidth_hz, used_s)
+            found += [f"{log.path.name}: {said}" for said in cautions]
+        return tuple(found)
+
     def log(self, name: str) -> FlightLog | None:
         return next((opened.log for opened in self.logs if opened.log is not None and opened.log.name == name), None)
-
-
-@dataclass(frozen=True, eq=False)
-class Current:
-    """The model that a job begins with, and its fit where it is known."""
-
-    model: Model
-    solution: Solution | None = None
-
-    def fit(self, dataset: Dataset) -> FittedModel:
-        """The model fitted to `dataset`."""
-        return fit_model(self.model, dataset) if self.solution is None else self.solution.on(dataset)
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,36 +104,20 @@ class Climbed:
 
 
 def open_logs(
-    paths: Sequence[Path],
+    read: Sequence[OpenedLog],
     unseen: frozenset[Path],
     vehicle: Vehicle,
     hold_out: HoldOut,
-    known: Sequence[OpenedLog],
     accepted: frozenset[Path],
     progress: Progress,
 ) -> Opened:
-    """Read and prepare logs; one that cannot be used does not spoil the others.
+    """Prepare logs that were read; one that cannot be used does not spoil the others.
 
-    Those of `known` that have not changed since are not read again. One that seems to be of another vehicle is not used
-    unless it is among the `accepted`.
+    Those that are prepared for the vehicle already stay as they are. One that seems to be of another vehicle is not
+    used unless it is among the `accepted`.
     """
-    before = {log.path: log for log in known}
-    opened = []
-    for path, name in zip(paths, log_names(paths), strict=True):
-        known_log, stamp = before.get(path), stamp_of(path)
-        if known_log is not None and known_log.log is not None and known_log.stamp == stamp is not None:
-            if known_log.vehicle is None:
-                progress(f"preparing {name}")
-            opened.append(_renamed(known_log, known_log.log, name, vehicle))
-            continue
-        progress(f"reading {name}")
-        try:
-            log = replace(read_log(path), name=name)
-        except QuadctlError as error:
-            opened.append(OpenedLog(path, problem=without_folder(str(error), path), stamp=stamp))
-            continue
-        opened.append(_prepared(OpenedLog(path, log, quality(log), stamp=stamp), log, vehicle))
-    opened = _doubted(_without_twins(opened), vehicle, accepted)
+    prepared = [_prepared(one, vehicle, progress) for one in read]
+    opened = _doubted(_without_twins(prepared), vehicle, accepted)
     fitted, kept = (
         [o.flight for o in opened if o.flight and not o.doubt and (o.path in unseen) == held_out]
         for held_out in (False, True)
@@ -163,31 +168,17 @@ def _thrust_source(opened: OpenedLog) -> str | None:
     return None if opened.quality is None else opened.quality.thrust_source
 
 
-def _renamed(opened: OpenedLog, log: FlightLog, name: str, vehicle: Vehicle) -> OpenedLog:
-    """The log under another name, for another vehicle."""
-    if (log.name, opened.vehicle) == (name, vehicle):
-        return opened
-    named = replace(log, name=name)
-    return _prepared(replace(opened, log=named, quality=quality(named)), named, vehicle)
-
-
-def _prepared(opened: OpenedLog, log: FlightLog, vehicle: Vehicle) -> OpenedLog:
+def _prepared(opened: OpenedLog, vehicle: Vehicle, progress: Progress) -> OpenedLog:
     """The log with its flight, or with the problem that keeps it from being analysed."""
+    log = opened.log
+    if log is None or (opened.flight is not None and opened.vehicle == vehicle):
+        return opened
+    progress(f"preparing {log.name}")
+    known = replace(opened, quality=opened.quality or quality(log), vehicle=vehicle)
     try:
-        return replace(opened, flight=prepare(log, vehicle), problem="", vehicle=vehicle)
+        return replace(known, flight=prepare(log, vehicle), problem="")
     except QuadctlError as error:
-        return replace(opened, flight=None, problem=str(error), vehicle=vehicle)
-
-
-def log_names(paths: Sequence[Path]) -> list[str]:
-    """The names of the files; where several are called the same, with the folder that each is in."""
-    same = Counter(path.name for path in paths)
-    folders = Counter((path.name, path.parent.name) for path in paths)
-
-    def folder(path: Path) -> str:
-        return path.parent.name if folders[path.name, path.parent.name] == 1 else str(path.parent)
-
-    return [path.name if same[path.name] == 1 else f"{path.name} ({folder(path)})" for path in paths]
+        return replace(known, flight=None, problem=str(error))
 
 
 def _dataset(flights: Sequence[Flight], hold_out: HoldOut = "blocks") -> Dataset | None:
@@ -196,64 +187,23 @@ def _dataset(flights: Sequence[Flight], hold_out: HoldOut = "blocks") -> Dataset
     return joined(flights, hold_out if len(flights) > 1 else "blocks")
 
 
-def evaluated(current: Current, seen: Dataset, unseen: Dataset | None, progress: Progress) -> Evaluation:
-    progress("comparing")
-    return evaluate(current.model, current.fit(seen), unseen)
-
-
-def look_for(current: Current, dataset: Dataset, progress: Progress) -> Findings:
+def look_for(study: Study, progress: Progress) -> Findings:
     """Search for what a model is missing, and sketch each candidate on the samples that the search has seen."""
-    found = diagnose_fit(current.fit(dataset), progress=progress)
+    found = study.diagnose(progress=progress)
     searched = found.searched_part
     drawn = {candidate.effect.name: sketch(candidate.model, searched) for candidate in found.ranking}
     return Findings.of(found, {name: drawing for name, drawing in drawn.items() if drawing is not None})
 
 
-def gather_evidence(name: str, current: Current, dataset: Dataset, progress: Progress) -> Evidence:
-    progress(f"fitting without {name}")
-    return evidence_for(name, current.fit(dataset))
-
-
-def add_effect(name: str, current: Current, seen: Dataset, unseen: Dataset | None, progress: Progress) -> Climbed:
-    progress(f"fitting {name}")
-    effect = find_effect(name, "the effect to add", catalog_with(current.model.effect_files))
-    return _climbed(add_to_fit(effect, current.model, current.fit(seen)), unseen)
-
-
-def add_expression(path: Path, current: Current, seen: Dataset, unseen: Dataset | None, progress: Progress) -> Climbed:
-    """Add the effect that a file of Python holds."""
-    progress("fitting the expression")
-    effect, files = choose_effect(str(path), str(path), current.model.effect_files)
-    return _climbed(add_to_fit(effect, replace(current.model, effect_files=files), current.fit(seen)), unseen)
-
-
-def refit_model(current: Current, seen: Dataset, unseen: Dataset | None, progress: Progress) -> Climbed:
-    progress("fitting all parameters together")
-    refit = fit(current.model, seen)
-    return replace(_climbed(refit, unseen), is_repetition=refit.is_repetition)
-
-
-def remove_effect(name: str, current: Current, seen: Dataset, unseen: Dataset | None, progress: Progress) -> Climbed:
-    progress(f"fitting without {name}")
-    effect = held_effect(name, current.model)
-    return _climbed(remove_from_fit(effect, current.model, current.fit(seen)), unseen)
-
-
-def _climbed(refit: Refit, unseen: Dataset | None) -> Climbed:
-    return Climbed(refit.model, evaluate(refit.model, refit.fit_after, unseen))
+def climb(change: Callable[..., Refit], study: Study, *effects: str, progress: Progress) -> Climbed:
+    """The step after a change of a study's model: `change` is a verb of `Study` that refits."""
+    refit = change(study, *effects, progress=progress)
+    return Climbed(refit.model, evaluate(refit.model, refit.fit_after, study.unseen), refit.is_repetition)
 
 
 def next_flight(diagnosis: Diagnosis, missions: Path, progress: Progress) -> Suggestion:
     progress("predicting the data of each mission")
     return suggest(diagnosis, missions)
-
-
-def fly(simulation: Simulation, model: Model, progress: Progress) -> StepResponses:
-    return simulation.fly_steps(model, progress)
-
-
-def fly_sample(simulation: Simulation, vehicle: Vehicle, progress: Progress) -> Path:
-    return simulation.fly_sample(vehicle, progress)
 
 
 def report(
@@ -273,7 +223,7 @@ def report(
     addition, after = None, None
     if len(last.model.stack) > len(first.model.stack):
         progress(f"judging {last.model.effects[-1].name}")
-        addition = add(type(last.model.effects[-1]), replace(last.model, stack=last.model.stack[:-1]), seen)
+        addition = Study(replace(last.model, stack=last.model.stack[:-1]), seen).add(type(last.model.effects[-1]))
         after = None if unseen is None else compare(last.model, unseen)
     progress("drawing")
     if first.error_m_s2 is not None and last.error_m_s2 is not None:

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
-from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -38,17 +38,38 @@ class OpenedLog:
 
 
 def read_logs(paths: Sequence[Path], known: Sequence[OpenedLog], progress: Progress) -> list[OpenedLog]:
-    """The `known` logs, and those of `paths` that are not among them, as they are logged; what cannot be read is left
-    out."""
-    read = list(known)
-    for path in paths:
-        stamp = stamp_of(path)
-        if any((log.path, log.stamp) == (path, stamp) for log in known if stamp is not None):
+    """The logs as they are logged, in the order of `paths`, or the problem why one cannot be read; those of `known`
+    that have not changed since are not read again."""
+    before = {log.path: log for log in known}
+    read = []
+    for path, name in zip(paths, log_names(paths), strict=True):
+        there, stamp = before.get(path), stamp_of(path)
+        if there is not None and there.log is not None and there.stamp == stamp is not None:
+            renamed = OpenedLog(path, replace(there.log, name=name), stamp=stamp)
+            read.append(there if there.log.name == name else renamed)
             continue
-        progress(f"reading {path.name}")
-        with suppress(QuadctlError):  # `open_logs` says why
-            read.append(OpenedLog(path, read_log(path), stamp=stamp))
+        progress(f"reading {name}")
+        try:
+            read.append(OpenedLog(path, replace(read_log(path), name=name), stamp=stamp))
+        except QuadctlError as error:
+            read.append(OpenedLog(path, problem=without_folder(str(error), path), stamp=stamp))
     return read
+
+
+def log_names(paths: Sequence[Path]) -> list[str]:
+    """The names of the files; where several are called the same, with the folder that each is in."""
+    same = Counter(path.name for path in paths)
+    folders = Counter((path.name, path.parent.name) for path in paths)
+
+    def folder(path: Path) -> str:
+        return path.parent.name if folders[path.name, path.parent.name] == 1 else str(path.parent)
+
+    return [path.name if same[path.name] == 1 else f"{path.name} ({folder(path)})" for path in paths]
+
+
+def without_folder(sentence: str, path: Path) -> str:
+    """The sentence with the name of a file that was given to the page, which knows no folder of it."""
+    return sentence.replace(str(path), path.name)
 
 
 def stamp_of(path: Path) -> tuple[int, int] | None:

@@ -10,6 +10,9 @@ from quadctl.lab.selection.evidence import Evidence
 from quadctl.lab.tracking.step_response import StepResponses
 from quadctl.web.session.findings import Diagnosed
 
+LOOKING = "Looking for what is missing"
+"""Title of the search."""
+
 
 @dataclass(frozen=True)
 class Work:

@@ -26,24 +26,10 @@ from quadctl.web.session.files import (
     upload_path,
     vehicle_in,
     vehicle_path,
-    without_folder,
 )
 from quadctl.web.session.session import load_session
+from quadctl.web.work.reading import without_folder
 from quadctl.web.workbench.workbench import Workbench
-
-TEMPLATE = """\
-name: my_vehicle
-mass_kg: 1.5
-rotor:
-  radius_m: 0.12
-  thrust_n_per_rpm2: 1.14e-7      # thrust of one rotor = this * rpm^2
-rotors:                           # forward, right, down from the centre of mass; motor1, motor2, ...
-  - {position_m: [ 0.12,  0.12, 0.0], spin: ccw}
-  - {position_m: [-0.12, -0.12, 0.0], spin: ccw}
-  - {position_m: [ 0.12, -0.12, 0.0], spin: cw}
-  - {position_m: [-0.12,  0.12, 0.0], spin: cw}
-throttle: {per_newton: 0.024, offset: 0.16, max_thrust_per_rotor_n: 9.0}
-"""
 
 
 @dataclass(frozen=True)

@@ -1,14 +1,18 @@
 """Choices of one tab, and the query of the address that holds them: a link to a state of the page."""
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from urllib.parse import parse_qsl, urlencode
 
 from quadctl.lab.flights.flight import VARIABLE_NAMES
 from quadctl.lab.flights.prediction import AXES
-from quadctl.web.panels.over_time import FIRST_CHANNELS
-from quadctl.web.panels.view import Brush
 
+Brush = Mapping[str, tuple[float, float]]
+"""Selected ranges, by the names of their variables."""
+FIRST_CHANNELS = ("z_m", "z_ref_m")
+FILE = "file"
+"""Value of `Choices.beside` for the model of a file."""
 MOST_CHARACTERS = 4000
 """Longest query that is read."""
 
@@ -22,10 +26,15 @@ class Choices:
     axis: str = ""
     """Axis that is shown; empty where none was chosen: that with the largest error."""
     flight: str = ""
+    """Name of the flight that was chosen; empty where none was: the first."""
     channels: tuple[str, ...] = FIRST_CHANNELS
+    """Columns of the logs that are shown over time."""
     over_each_other: bool = False
+    """Show these channels of all flights, not only of the chosen one."""
     beside: str = ""
+    """Model that is drawn beside the others: the number of a step of the ladder, `FILE`, or empty for none."""
     evidence: str = ""
+    """Name of the effect whose evidence is open; empty where none is."""
     brush: Brush = field(default_factory=dict)
 
     def query(self) -> str:
