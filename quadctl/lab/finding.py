@@ -34,6 +34,8 @@ class Kind(StrEnum):
     PART_UNEXPLAINED = "part unexplained"
     CONFOUNDED = "confounded"
     """`family`, `others`: families that these data do not distinguish from it."""
+    FLIGHTS_DIFFER = "flights differ"
+    """`effect`, `parameter`, `flights`: by name `value` and `ci95` by that flight alone, `p`."""
     NEXT_FLIGHT = "next flight"
     """`mission`."""
     UNSEEN_BY_CHOICE = "unseen by choice"

@@ -35,6 +35,7 @@ TEMPLATES: Mapping[Kind, str] = {
     Kind.ERROR: "Held-out acceleration error: {before:number} → {after:m/s²} ({drop:change}).",
     Kind.PART_UNEXPLAINED: "Part of the remaining error depends on the logged variables; no known effect explains it.",
     Kind.CONFOUNDED: "These data do not distinguish {family:family} from {others:others}: it may be that instead.",
+    Kind.FLIGHTS_DIFFER: "The flights differ in {parameter} of {effect} (p {p:p}): {flights:parameters}.",
     Kind.NEXT_FLIGHT: "Next flight: {mission}; `quadctl suggest` compares all missions.",
     Kind.UNSEEN_BY_CHOICE: "On data that neither the fit nor the choice of effects has seen: {before:number} → "
     "{after:m/s²} on {data} ({searches} searches; {found:counts}).",

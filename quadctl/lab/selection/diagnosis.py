@@ -27,6 +27,7 @@ from quadctl.lab.selection.candidate import Candidate
 from quadctl.lab.selection.choice import choose_effects
 from quadctl.lab.selection.rule import RULE, Rule, is_supported, is_trim
 from quadctl.lab.selection.search import Path, SelectionStep, judged_beside
+from quadctl.lab.selection.single_flights import of_single_flights
 from quadctl.lab.selection.small import measured_of, small_beside
 from quadctl.lab.selection.unseen import UnseenError, held_out_errors, nested_errors, of_unseen
 from quadctl.lab.selection.wording import UNITS as ERROR_UNITS
@@ -63,6 +64,8 @@ class Diagnosis(Result):
     small: list[list[Candidate]] = field(default_factory=list)
     """Groups of small effects in the order of adding (see `small_beside`)."""
     confounded: list[list[str]] = field(default_factory=list)
+    apart: list[Finding] = field(default_factory=list)
+    """Parameters of what is missing in which single flights differ (see `of_single_flights`)."""
     suggested_mission: str | None = None
     untried: list[Finding] = field(default_factory=list)
     """Effects that were not tried because these data do not distinguish them from their confounded effects, with the
@@ -145,6 +148,7 @@ class Diagnosis(Result):
         for family, other in self.confounded:
             confounded.setdefault(family, []).append(other)
         found += [Finding(Kind.CONFOUNDED, {"family": f, "others": others}) for f, others in confounded.items()]
+        found += self.apart
         if self.suggested_mission:
             found.append(Finding(Kind.NEXT_FLIGHT, {"mission": self.suggested_mission}))
         return found
@@ -296,6 +300,7 @@ def diagnose_fit(
         confounded=[
             list(pair) for pair in dict.fromkeys((*path.confounded, *_inseparable(path.missing, ranking, dataset.span)))
         ],
+        apart=of_single_flights(found, path.missing),
         suggested_mission=_suggestion(path.latest, path.confounded, choice.unfit),
         unexplained=choice.unexplained,
         untried=_reasons(choice.unfit, dataset),
