@@ -32,20 +32,39 @@ def with_constants_told(path: Path, pool: Sequence[type[Effect]]) -> Path:
 
 
 def _with_constant(path: Path, family: str, constant: type[Effect]) -> Path:
-    """Path with `constant` in the place of a family, where beside it the data do not show that one, and it is plausible
-    by itself."""
+    """Path with `constant` in the place of a family, where beside it the data do not show that one; or with both, where
+    they show both."""
     joint, _ = fit_on_top(constant, Unmodelled(path.current))
-    if joint.determined(_place(joint, family)):
+    shown = joint.determined(_place(joint, family))
+    if shown and not _is_shown_beside(joint):
         return path
     other = path.restarted()
     for found in (c for c in path.chosen if c.family in path.missing):
-        kind = constant if found.family == family else type(found.effect)
-        tried = _tried(other, kind)
-        if found.family == family and not is_plausible(tried, path.rule):
-            return path
-        other = taken(other, tried)
+        for kind in _instead(found, family, constant, shown):
+            tried = _tried(other, kind)
+            if kind is constant and not is_plausible(tried, path.rule):
+                return path
+            other = taken(other, tried)
+    if shown:
+        return replace(other, confounded=path.confounded, implied=path.implied)
     kept = [pair for pair in path.confounded if family not in pair]
     return replace(other, confounded=(*kept, (constant.family(), family)), implied=path.implied)
+
+
+def _instead(found: Candidate, family: str, constant: type[Effect], both: bool) -> list[type[Effect]]:
+    """Effects that take the place of one that was found."""
+    if found.family != family:
+        return [type(found.effect)]
+    return [constant, type(found.effect)] if both else [constant]
+
+
+def _is_shown_beside(joint: FittedModel) -> bool:
+    """Tell whether the last effect of a fit is more than the others imply, anywhere in its interval."""
+    effect, others = joint.model.effects[-1], joint.model.effects[:-1]
+    intervals = joint.ci95(len(others)).items()
+    defaults = {p.name: p.default for p in effect.parameters()}
+    least = type(effect)(**(effect.values() | {n: min(max(defaults[n], low), high) for n, (low, high) in intervals}))
+    return not least.implied_by(others, [f.conditions for f in joint.flights], joint.model.vehicle)
 
 
 def _with_doubt(path: Path, constant: type[Effect], alone: Candidate) -> Path:
