@@ -252,6 +252,9 @@ class Identifiability:
     """Parameters of which data must show one to differ from 0: without them it is another effect, as a wind of 0 m/s is
     a drag."""
 
+    if_constant: ClassVar[str] = ""
+    """Name of the effect that is left of it where the variables that it depends on do not change."""
+
     def distinct(self, flights: Sequence[Conditions], vehicle: Vehicle) -> bool:
         """True where these flights can tell it, with the parameters fitted to them, from effects that look alike."""
         return True

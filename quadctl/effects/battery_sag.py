@@ -32,6 +32,7 @@ class LinearSag(ThrustRatio):
     mission: ClassVar[str] = "missions/hover_staircase_high.yaml"
     needs: ClassVar[dict[str, float]] = {"battery": 0.1}
     essential: ClassVar[tuple[str, ...]] = ("share",)
+    if_constant: ClassVar[str] = "thrust_scale.constant"
 
     share: float = parameter(0.5, 0.0, 5.0, "", "relative loss of thrust per relative loss of voltage")
     reference_v: float = parameter(16.0, 2.0, 100.0, "V", "voltage at which the coefficients hold", fitted=False)

@@ -13,6 +13,8 @@ class Kind(StrEnum):
 
     MISSING = "missing"
     """`families`, in the order of adding."""
+    ONLY_SMALL = "only small"
+    """`families` that are measured, but too small to be called missing."""
     NONE = "none"
     UNEXPLAINED = "unexplained"
     LITTLE_UNEXPLAINED = "little unexplained"
@@ -32,6 +34,8 @@ class Kind(StrEnum):
     PART_UNEXPLAINED = "part unexplained"
     CONFOUNDED = "confounded"
     """`family`, `others`: families that these data do not distinguish from it."""
+    FLIGHTS_DIFFER = "flights differ"
+    """`effect`, `parameter`, `flights`: by name `value` and `ci95` by that flight alone, `p`."""
     NEXT_FLIGHT = "next flight"
     """`mission`."""
     UNSEEN_BY_CHOICE = "unseen by choice"
@@ -42,7 +46,9 @@ class Kind(StrEnum):
     PART_SEARCHED = "part searched"
     """`searched`, `all`: numbers of samples."""
     SMALL = "small"
-    """`effect`, `parameters`, `alternatives`: effects that explain as much."""
+    """`effect`, `parameters`, `alternatives`: effects that explain as much; `before`, `after`: held-out error, `unit`;
+    `off_m`, `off_after_s`: by how much the effect alone moves the vehicle, and after which time, null where no flight
+    lasts so long; `depends_on`, `distinguished_by`: what would make it matter."""
     USUAL = "usual"
     """`effect`, `parameters`, `p`."""
     LATE_POSITION = "late position"

@@ -1,6 +1,6 @@
 """Words of findings: one table of templates for the terminal, the page and the report."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from quadctl.lab.comparison.wording import (
@@ -15,11 +15,12 @@ from quadctl.lab.comparison.wording import (
     quantity,
 )
 from quadctl.lab.finding import Finding, Kind
-from quadctl.lab.flights.flight import SPAN_NAMES
+from quadctl.lab.flights.flight import SPAN_NAMES, VARIABLE_NAMES
 from quadctl.words import Format, Words
 
 TEMPLATES: Mapping[Kind, str] = {
     Kind.MISSING: "Missing: {families:families}.",
+    Kind.ONLY_SMALL: "Nothing that matters much is missing; measured, but small: {families:families}.",
     Kind.NONE: "No known effect is missing: none reduces the held-out error enough to matter.",
     Kind.UNEXPLAINED: "Something is missing that no known effect explains.",
     Kind.LITTLE_UNEXPLAINED: "A little is left that no known effect explains.",
@@ -34,6 +35,7 @@ TEMPLATES: Mapping[Kind, str] = {
     Kind.ERROR: "Held-out acceleration error: {before:number} → {after:m/s²} ({drop:change}).",
     Kind.PART_UNEXPLAINED: "Part of the remaining error depends on the logged variables; no known effect explains it.",
     Kind.CONFOUNDED: "These data do not distinguish {family:family} from {others:others}: it may be that instead.",
+    Kind.FLIGHTS_DIFFER: "The flights differ in {parameter} of {effect} (p {p:p}): {flights:parameters}.",
     Kind.NEXT_FLIGHT: "Next flight: {mission}; `quadctl suggest` compares all missions.",
     Kind.UNSEEN_BY_CHOICE: "On data that neither the fit nor the choice of effects has seen: {before:number} → "
     "{after:m/s²} on {data} ({searches} searches; {found:counts}).",
@@ -42,7 +44,9 @@ TEMPLATES: Mapping[Kind, str] = {
     Kind.WHOLE_FLIGHTS: "With whole flights held out: {before:number} → {after:m/s²}.",
     Kind.PART_SEARCHED: "The search has seen {searched} of {all} samples, in stretches spread over the flights, and so "
     "have its errors; the parameters of what is missing are fitted to all samples.",
-    Kind.SMALL: "Measured, but small in these flights: {effect}, {parameters:parameters}{alternatives:or}.",
+    Kind.SMALL: "Measured, but small in these flights: {effect}, {parameters:parameters}{alternatives:or}. Held-out "
+    "error: {before:number} → {after:number} {unit:unit}; alone it moves the vehicle {off_m:g} m off "
+    "{off_after_s:after}. {depends_on:more}. `quadctl add {effect} MODEL.yaml LOG... -o NEW.yaml` adds it.",
     Kind.USUAL: "There (p {p:p}), but no larger than the per-flight biases of any real vehicle: {effect}, "
     "{parameters:parameters}.",
     Kind.LATE_POSITION: "The position comes {delay_ms:.0f} ms [{low_ms:.0f}, {high_ms:.0f}] after the rotors' signal, "
@@ -82,6 +86,17 @@ def in_words(finding: Finding) -> str:
     return _WORDS.say(TEMPLATES[finding.kind], finding.facts)
 
 
+def _after(time_s: float | None) -> str:
+    return "in no part of these flights" if time_s is None else f"after {time_s:.1f} s"
+
+
+def _more(variables: Sequence[str]) -> str:
+    """Sentence on what makes an effect of these variables matter more."""
+    if not variables:
+        return "It is the same in all flight"
+    return f"It matters more over larger ranges of {listed([VARIABLE_NAMES[name] for name in variables])}"
+
+
 def _leans(flights: Mapping[str, Mapping[str, float]]) -> str:
     """Roll and pitch of each flight; of many, of the first three."""
     shown = [
@@ -110,6 +125,9 @@ _FORMATS: Mapping[str, Format] = {
     "flights": flights_in_words,
     "parameters": _parameters,
     "leans": _leans,
+    "after": _after,
+    "more": _more,
+    "unit": lambda unit: str(unit).replace("^2", "²"),
     "span": lambda name: str(SPAN_NAMES.get(name, name)),
     "number": number,
     "m/s²": quantity,

@@ -41,6 +41,8 @@ class Result:
     """True for each true parameter that lies in its 95 % interval, for truths that the catalogue holds too."""
     problem: str = ""
     """Reason why there is no verdict."""
+    small: tuple[str, ...] = ()
+    """Families that are measured, but small, in the order of adding."""
 
     @property
     def right(self) -> bool:
@@ -49,6 +51,12 @@ class Result:
         n = len(self.case.families)
         first, rest = self.missing[:n], self.missing[n:]
         return sorted(first) == sorted(self.case.families) and set(rest) <= self.case.also
+
+    @property
+    def right_but_small(self) -> bool:
+        """True where nothing is called missing, and what is hidden comes first of what is small."""
+        hidden = sorted(self.case.families)
+        return self.verdict == "small" and sorted(self.small[: len(hidden)]) == hidden
 
 
 def blind(vehicle: Path, logs: Sequence[Path]) -> Diagnosis:
@@ -70,7 +78,9 @@ def judge(case: Case, folder: Path) -> Result:
     seconds = time.process_time() - began
     words = [f"{e.name}({', '.join(f'{k}={v:.3g}' for k, v in e.values().items())})" for e in diagnosis.best.effects]
     left = error_left(case, flown, diagnosis.best)
-    return Result(case, diagnosis.verdict, list(diagnosis.missing), words, seconds, left, covered(case, diagnosis))
+    small = tuple(group[0].family for group in diagnosis.small)
+    inside = covered(case, diagnosis)
+    return Result(case, diagnosis.verdict, list(diagnosis.missing), words, seconds, left, inside, small=small)
 
 
 def error_left(case: Case, flown: FlownCase, found: Model) -> float | None:

@@ -90,11 +90,16 @@ def scores(results: Sequence[Result]) -> list[tuple[str, ...]]:
         }[kind]
         shares = [share([r.right for r in results if _is(r, kind, s)]) for s in STRENGTHS]
         rows.append((label, *shares, " / ".join(f">= {goal:.0%}" for goal in goals)))
+    single = [[r for r in results if _is(r, "single", s)] for s in STRENGTHS]
+    small = [share([r.right_but_small for r in group]) for group in single]
+    rows.append(("one effect: nothing named, and the right one first of what is small", *small, ""))
+    none = [share([r.verdict == "none" for r in group]) for group in single]
+    rows.append(("one effect: verdict none", *none, ""))
     kinds = [[r for r in results if _is(r, "unexplained", s)] for s in STRENGTHS]
     shares = [share([r.right for r in group]) for group in kinds]
     rows.append(("outside of the catalogue: called unexplained", *shares, f">= {UNEXPLAINED[0]} of {UNEXPLAINED[1]}"))
-    none = [r for r in results if r.case.kind == "none"]
-    alarms = f"{sum(not r.right for r in none)} of {len(none)}" if none else "-"
+    clean = [r for r in results if r.case.kind == "none"]
+    alarms = f"{sum(not r.right for r in clean)} of {len(clean)}" if clean else "-"
     rows.append(("false alarms where nothing is hidden", alarms, "", "", f"{FALSE_ALARMS} of 24"))
     for label, quantile in (("median", 0.5), ("9 of 10 cases", 0.9)):
         left = [
@@ -122,7 +127,7 @@ def _quantile(values: Sequence[float], q: float) -> float:
 
 def _wrong(result: Result) -> Iterable[str]:
     if not result.right:
-        found = result.problem or f"{result.verdict}: {', '.join(result.effects) or 'nothing'}"
+        found = result.problem or f"{result.verdict}: {', '.join(result.effects or result.small) or 'nothing'}"
         yield f"- {result.case.name} (expected {_expected(result)}): {found}"
 
 

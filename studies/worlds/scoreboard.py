@@ -31,8 +31,8 @@ class Answer:
     missing: tuple[str, ...]
     verdict: str
     confounded: tuple[frozenset[str], ...]
-    measured: tuple[str, ...] = ()
-    """Families that the lab says are there, but too small to be called missing."""
+    small: tuple[str, ...] = ()
+    """Families that the lab says are measured, but too small to be called missing."""
 
     @property
     def exact(self) -> bool:
@@ -64,14 +64,14 @@ def judge(folder: Path) -> Answer:
     """Diagnose one case and compare the answer with its truth."""
     truth: dict[str, Any] = json.loads((folder / "truth.json").read_text())
     missing: tuple[str, ...]
-    measured: tuple[str, ...]
+    small: tuple[str, ...]
     verdict: str
     try:
         found = diagnose(load_model(folder / "vehicle.yaml"), sorted(folder.glob("*.csv")))
         missing, verdict, confounded = tuple(found.missing), found.verdict, found.confounded
-        measured = tuple(c.family for c in found.measured)
+        small = tuple(group[0].family for group in found.small)
     except QuadctlError as error:
-        missing, measured, verdict, confounded = (), (), f"refused: {error}", []
+        missing, small, verdict, confounded = (), (), f"refused: {error}", []
     return Answer(
         case=folder.name,
         families=tuple(truth["families"]),
@@ -80,7 +80,7 @@ def judge(folder: Path) -> Answer:
         missing=missing,
         verdict=verdict,
         confounded=tuple(frozenset(pair) for pair in confounded),
-        measured=measured,
+        small=small,
     )
 
 
@@ -101,15 +101,16 @@ def section(title: str, answers: Sequence[Answer]) -> str:
         ("one effect: right family first", share([a.right_first for a in single])),
         ("one effect: named, and nothing else", share([a.exact for a in single])),
         (
-            "one effect: nothing named, and the right family first of those that are there but small",
-            share([not a.missing and a.measured[:1] == a.families for a in single]),
+            "one effect: nothing named, and the right family first of those that are small",
+            share([not a.missing and a.small[:1] == a.families for a in single]),
         ),
+        ("one effect: verdict none", share([a.verdict == "none" for a in single])),
         ("two effects: both named, and nothing else", share([a.exact for a in several])),
         ("false alarms where nothing is hidden", f"{sum(not a.exact for a in nothing)} of {len(nothing)}"),
     ]
     wrong = "\n".join(
         f"- {a.case} ({' + '.join(a.families) or 'nothing'}, {a.effect_rms_m_s2:g} m/s²): "
-        f"{', '.join(a.missing) or a.verdict}" + ("; there but small: " + ", ".join(a.measured) if a.measured else "")
+        f"{', '.join(a.missing) or a.verdict}" + ("; small: " + ", ".join(a.small) if a.small else "")
         for a in answers
         if not a.exact
     )

@@ -22,8 +22,9 @@ from quadctl.vehicle import Vehicle, load_vehicle
 from studies.blind_cases import nuisances as limits
 from studies.blind_cases.cases import HERE, MISSIONS, STRENGTHS, TRUTHS, VEHICLES, Case, all_cases
 from studies.blind_cases.fly import fly
-from studies.blind_cases.judge import judge
+from studies.blind_cases.judge import Result, judge
 from studies.blind_cases.nuisances import Nuisances
+from studies.blind_cases.scoreboard import scores
 from studies.blind_cases.truths_air import (
     BladeElements,
     Breeze,
@@ -305,3 +306,17 @@ class TestBlindCases:
         case = next(c for c in all_cases("tuning") if c.kind == "none" and c.vehicle == "raptor")
         result = judge(short(case), tmp_path)
         assert result.missing == [], result.effects
+
+
+def test_what_is_small_is_counted_by_itself_and_is_an_alarm_where_nothing_is_hidden() -> None:
+    cases = all_cases("tuning")
+    hidden = next(c for c in cases if c.kind == "single" and c.strength == 1.0)
+    clean = next(c for c in cases if c.kind == "none")
+    answers = [("small", hidden.families), ("small", ("tether",)), ("none", ())]
+    results = [Result(hidden, verdict, [], [], 1.0, None, [], small=small) for verdict, small in answers]
+    results += [Result(clean, verdict, [], [], 1.0, None, [], small=small) for verdict, small in answers[1:]]
+    rows = {row[0]: row[1] for row in scores(results)}
+    assert rows["one effect: named, and nothing else"] == "0/3 = 0%"
+    assert rows["one effect: nothing named, and the right one first of what is small"] == "1/3 = 33%"
+    assert rows["one effect: verdict none"] == "1/3 = 33%"
+    assert rows["false alarms where nothing is hidden"] == "1 of 2"

@@ -60,14 +60,18 @@ def test_worlds_stand_side_by_side_with_what_was_named_and_is_not_there() -> Non
     assert "| open 2 1.0 | 1/3 = 33% | 0/1 = 0% | 2/4 = 50% | 0 of 1 |" in side_by_side({"open 2 1.0": answers})
 
 
-def test_what_is_there_but_too_small_to_be_called_missing_is_counted_by_itself() -> None:
-    small = dataclasses.replace(answer("wind", "", "none"), measured=("wind", "tether"))
-    text = section("a world", [small, answer("wind", "")])
-    assert (
-        "| one effect: nothing named, and the right family first of those that are there but small | 1/2 = 50% |"
-        in text
-    )
-    assert "- case (wind, 0.1 m/s²): none; there but small: wind, tether" in text
+def test_what_is_small_is_counted_by_itself() -> None:
+    small = dataclasses.replace(answer("wind", "", "small"), small=("wind", "tether"))
+    text = section("a world", [small, answer("wind", "", "none"), answer("wind", "wind"), answer("wind", "tether")])
+    assert "| one effect: named, and nothing else | 1/4 = 25% |" in text
+    assert "| one effect: nothing named, and the right family first of those that are small | 1/4 = 25% |" in text
+    assert "| one effect: verdict none | 1/4 = 25% |" in text
+    assert "- case (wind, 0.1 m/s²): small; small: wind, tether" in text
+
+
+def test_what_is_small_where_nothing_is_hidden_is_a_false_alarm() -> None:
+    alarm = dataclasses.replace(answer("", "", "small"), small=("tether",))
+    assert "| false alarms where nothing is hidden | 1 of 2 |" in section("a world", [alarm, answer("", "", "none")])
 
 
 def test_a_folder_without_cases_is_one_sentence_and_leaves_the_page_as_it_was(

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from rich.table import Table
+from scipy.integrate import cumulative_trapezoid
 from scipy.ndimage import gaussian_filter1d
 
 from quadctl.effects import Conditions
@@ -29,6 +30,10 @@ START_EVERY_S = 0.25
 MAX_STARTS = 4000
 """Largest number of starts per flight; in longer flights the starts are further apart."""
 COLUMNS = (*AXES, "horizontal", "total")
+OFF_M = 0.1
+"""Position error from which on an effect is said to move the vehicle off."""
+STEP_S, LONGEST_S = 0.1, 30.0
+"""Resolution and end of the times after which a vehicle may be off."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,6 +108,55 @@ def open_loop(model: Model, dataset: Dataset, horizons_s: Sequence[float] = HORI
         kinds = [dict(zip(COLUMNS, by_kind[i : i + width], strict=True)) for i in range(0, len(by_kind), width)]
         found.append(OpenLoop(horizon, len(block), *kinds))
     return found
+
+
+def off_after_s(model: Model, without: Model, flights: Sequence[Flight], off_m: float = OFF_M) -> float | None:
+    """Time after which a simulation by `without` is off by `off_m`, the RMS over its starts, were `model` right, s;
+    None where no flight lasts so long.
+
+    To first order: the difference of the two accelerations along the flown path is integrated twice.
+    """
+    tracks = [_drift(model, without, flight) for flight in flights]
+    for horizon in np.arange(STEP_S, LONGEST_S + STEP_S, STEP_S):
+        offsets = [drift.after(float(horizon)) for drift in tracks]
+        squares = np.concatenate([np.sum(offset**2, axis=0) for offset in offsets])
+        if not len(squares):
+            return None
+        if np.mean(squares) > off_m**2:
+            return round(float(horizon), 1)
+    return None
+
+
+@dataclass(frozen=True, eq=False)
+class _Drift:
+    """First and second integral of an acceleration over the grid of a flight, north, east, up, shape (3, m) each."""
+
+    velocity: Floats
+    position: Floats
+    step_s: float
+    starts: NDArray[np.int64]
+    lasting_s: Floats
+
+    def after(self, horizon_s: float) -> Floats:
+        """Position that the acceleration adds within `horizon_s` of each start that the flight outlasts, shape
+        (3, starts)."""
+        steps = round(horizon_s / self.step_s)
+        first = self.starts[(self.lasting_s >= horizon_s) & (self.starts + steps < self.position.shape[1])]
+        begun = self.position[:, first] + steps * self.step_s * self.velocity[:, first]
+        return np.asarray(self.position[:, first + steps] - begun)
+
+
+def _drift(model: Model, without: Model, flight: Flight) -> _Drift:
+    with_it, without_it = (
+        np.stack(np.broadcast_arrays(*ned_from_neu(m.acceleration_ned(flight.nominal_n, flight.conditions))))
+        for m in (model, without)
+    )
+    step_s = float(flight.grid_s[1] - flight.grid_s[0])
+    difference: Floats = with_it - without_it
+    velocity = cumulative_trapezoid(difference, dx=step_s, initial=0)
+    time, lasting = _starts(flight)
+    starts = np.rint((time - flight.grid_s[0]) / step_s).astype(np.int64)
+    return _Drift(velocity, cumulative_trapezoid(velocity, dx=step_s, initial=0), step_s, starts, lasting)
 
 
 @dataclass(frozen=True, eq=False)

@@ -87,8 +87,12 @@ def _verdict_table(d: Diagnosis) -> Table:
     )
     rows = {
         "missing": [Cell("missing", test), Cell(finding)],
+        "small": [
+            Cell("small", f"no effect does, but one has p < {RULE.significant:g} and is more than on any vehicle"),
+            Cell(f"yes: {listed([group[0].effect.name for group in d.small])}" if d.small else "no effect has"),
+        ],
         "none": [
-            Cell("none", "no effect does, and the logged variables do not explain the remaining error"),
+            Cell("none", "no effect is, and the logged variables do not explain the remaining error"),
             Cell(left),
         ],
         "unexplained": [

@@ -3,6 +3,7 @@
 import math
 from collections.abc import Callable, Container, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Any, Literal
 
 from rich import box
@@ -13,6 +14,7 @@ from rich.text import Text
 
 from quadctl import __version__
 from quadctl.effects import Effect
+from quadctl.lab.comparison.open_loop import OFF_M, off_after_s
 from quadctl.lab.comparison.wording import on_terminal, parameter_lines
 from quadctl.lab.finding import Finding, Kind, parameters_of
 from quadctl.lab.fitting.fitted_model import FittedModel, fit_model
@@ -23,9 +25,12 @@ from quadctl.lab.flights.timing import of_timing
 from quadctl.lab.results import Result
 from quadctl.lab.selection.candidate import Candidate
 from quadctl.lab.selection.choice import choose_effects
-from quadctl.lab.selection.rule import RULE, Rule, alternatives, is_measured, is_supported, is_trim
+from quadctl.lab.selection.rule import RULE, Rule, is_supported, is_trim
 from quadctl.lab.selection.search import Path, SelectionStep, judged_beside
+from quadctl.lab.selection.single_flights import of_single_flights
+from quadctl.lab.selection.small import measured_of, small_beside
 from quadctl.lab.selection.unseen import UnseenError, held_out_errors, nested_errors, of_unseen
+from quadctl.lab.selection.wording import UNITS as ERROR_UNITS
 from quadctl.lab.selection.wording import candidate_to_dict, error_in_table, measured_to_dict, p_in_table
 from quadctl.lab.symbolic.formula import Symbolic
 from quadctl.lab.threads import one_blas_thread
@@ -38,7 +43,7 @@ MOST_SEARCHED = 6000
 """Number of samples of a search, some nine minutes of flight: every candidate is fitted many times, and a material
 effect shows in fewer. Parameters are fitted to all samples."""
 
-Verdict = Literal["missing", "none", "unexplained"]
+Verdict = Literal["missing", "small", "none", "unexplained"]
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -56,7 +61,11 @@ class Diagnosis(Result):
     """Selection steps: the model as given, then each missing family in the order of adding."""
     best: Model
     """Model with all missing effects, fitted to all data."""
+    small: list[list[Candidate]] = field(default_factory=list)
+    """Groups of small effects in the order of adding (see `small_beside`)."""
     confounded: list[list[str]] = field(default_factory=list)
+    apart: list[Finding] = field(default_factory=list)
+    """Parameters of what is missing in which single flights differ (see `of_single_flights`)."""
     suggested_mission: str | None = None
     untried: list[Finding] = field(default_factory=list)
     """Effects that were not tried because these data do not distinguish them from their confounded effects, with the
@@ -78,6 +87,7 @@ class Diagnosis(Result):
             "verdict": self.verdict,
             "ranking": [candidate_to_dict(candidate) for candidate in self.ranking],
             "missing": self.missing,
+            "small": [simplest.family for simplest, *_ in self.small],
             "confounded": self.confounded,
             "suggested_mission": self.suggested_mission,
             "symbolic": self.symbolic.to_dict() if self.symbolic else None,
@@ -104,21 +114,8 @@ class Diagnosis(Result):
 
     @property
     def measured(self) -> list[Candidate]:
-        """Candidates that the data show, but that are too small to be called missing; the best of each family.
-
-        An effect of variables on which an effect that was found depends is none of them: it may be the error of the
-        form of that effect. Nor is one of which bounds hold every parameter: what is fitted is that it is not there.
-        """
-        found: dict[str, Candidate] = {}
-        explained = {name for c in self.ranking if c.family in self.missing for name in c.effect.depends_on}
-        for c in sorted(self.ranking, key=lambda c: c.p_value):
-            of_a_form = c.effect.depends_on and set(c.effect.depends_on) <= explained
-            at_bounds = [getattr(c.effect, name) in ci for name, ci in c.ci95.items()]
-            if c.family in self.missing or of_a_form or (at_bounds and all(at_bounds)):
-                continue
-            if is_measured(c) and not is_supported(c):
-                found.setdefault(c.family, c)
-        return list(found.values())
+        """Candidates that the data show, but that are too small to be called missing (see `measured_of`)."""
+        return measured_of(self.ranking, self.missing)
 
     @property
     def timing(self) -> Timing:
@@ -127,9 +124,18 @@ class Diagnosis(Result):
 
     @property
     def answer(self) -> list[Finding]:
-        """Verdict; what is missing, with the error before and after; what these data leave open; the next flight."""
-        kinds = {"missing": Kind.MISSING, "none": Kind.NONE, "unexplained": Kind.UNEXPLAINED}
-        found = [Finding(kinds[self.verdict], {"families": self.missing} if self.missing else {})]
+        """Verdict; what is missing or small, with the error before and after; what these data leave open; the next
+        flight."""
+        named = {"missing": self.missing, "small": [simplest.family for simplest, *_ in self.small]}
+        kinds = {
+            "missing": Kind.MISSING,
+            "small": Kind.ONLY_SMALL,
+            "none": Kind.NONE,
+            "unexplained": Kind.UNEXPLAINED,
+        }
+        found = [Finding(kinds[self.verdict], {"families": named[self.verdict]} if self.verdict in named else {})]
+        if self.verdict == "small":
+            found += self._of_small
         for c in self.ranking[: len(self.missing)]:
             effect = {"effect": c.effect.name, "parameters": parameters_of(c.effect, c.ci95)}
             found.append(Finding(Kind.EFFECT, effect))
@@ -142,6 +148,7 @@ class Diagnosis(Result):
         for family, other in self.confounded:
             confounded.setdefault(family, []).append(other)
         found += [Finding(Kind.CONFOUNDED, {"family": f, "others": others}) for f, others in confounded.items()]
+        found += self.apart
         if self.suggested_mission:
             found.append(Finding(Kind.NEXT_FLIGHT, {"mission": self.suggested_mission}))
         return found
@@ -152,14 +159,35 @@ class Diagnosis(Result):
         found = of_unseen(self.unseen, any_missing=bool(self.missing))
         if self.dataset.flights and 0 < self.searched < len(self.dataset.targets):
             found.append(Finding(Kind.PART_SEARCHED, {"searched": self.searched, "all": len(self.dataset.targets)}))
-        for simplest, *alike in alternatives(self.measured, self.searched_part):
-            small = {"effect": simplest.effect.name, "parameters": parameters_of(simplest.effect, simplest.ci95)}
-            found.append(Finding(Kind.SMALL, {**small, "alternatives": [c.effect.name for c in alike]}))
+        if self.verdict != "small":
+            found += self._of_small
+        small = {c.effect.name for group in self.small for c in group}
         for c in self.ranking:
-            if is_trim(c) and c.family not in self.missing and c not in self.measured:
+            if is_trim(c) and c.family not in self.missing and c.effect.name not in small:
                 usual = {"effect": c.effect.name, "parameters": parameters_of(c.effect, c.ci95), "p": c.p_value}
                 found.append(Finding(Kind.USUAL, usual))
         return [*found, *of_timing(self.timing), *_of_attitudes(self.fit)]
+
+    @cached_property
+    def _of_small(self) -> list[Finding]:
+        """Findings on what is small."""
+        found = []
+        for simplest, *alike in self.small:
+            without = replace(simplest.model, stack=simplest.model.stack[:-1])
+            facts = {
+                "effect": simplest.effect.name,
+                "parameters": parameters_of(simplest.effect, simplest.ci95),
+                "alternatives": [c.effect.name for c in alike],
+                "before": simplest.before[simplest.measure],
+                "after": simplest.after[simplest.measure],
+                "unit": ERROR_UNITS[simplest.measure],
+                "off_m": OFF_M,
+                "off_after_s": off_after_s(simplest.model, without, self.dataset.flights),
+                "depends_on": list(simplest.effect.depends_on),
+                "distinguished_by": simplest.effect.distinguished_by,
+            }
+            found.append(Finding(Kind.SMALL, facts))
+        return found
 
     def lines(self) -> list[str]:
         """Answer and notes in words."""
@@ -201,7 +229,7 @@ def _of_attitudes(fit: FittedModel | None) -> list[Finding]:
 
 def _told(answer: Sequence[Finding]) -> str:
     """The answer, an effect indented below the verdict."""
-    return "\n".join(f"  {in_words(f)}" if f.kind is Kind.EFFECT else in_words(f) for f in answer)
+    return "\n".join(f"  {in_words(f)}" if f.kind in (Kind.EFFECT, Kind.SMALL) else in_words(f) for f in answer)
 
 
 def _table(title: str, candidates: Iterable[Candidate], missing: Container[str]) -> Table:
@@ -258,17 +286,21 @@ def diagnose_fit(
         progress("fitting what was found to all data")
         found = fit_model(path.current.model, dataset) if path.missing else fit
     ranking = _ranking(path, found)
+    small = small_beside(path, measured_of(ranking, path.missing))
+    otherwise: Verdict = "unexplained" if choice.unexplained else "small" if small else "none"
     return Diagnosis(
         model=model,
         dataset=dataset,
-        verdict="missing" if path.missing else "unexplained" if choice.unexplained else "none",
+        verdict="missing" if path.missing else otherwise,
         ranking=ranking,
         missing=list(path.missing),
         steps=list(path.steps),
         best=found.model,
+        small=small,
         confounded=[
             list(pair) for pair in dict.fromkeys((*path.confounded, *_inseparable(path.missing, ranking, dataset.span)))
         ],
+        apart=of_single_flights(found, path.missing),
         suggested_mission=_suggestion(path.latest, path.confounded, choice.unfit),
         unexplained=choice.unexplained,
         untried=_reasons(choice.unfit, dataset),

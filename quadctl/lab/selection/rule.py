@@ -5,7 +5,7 @@ A candidate holds data (`Candidate`) and a `Rule` the thresholds; the predicates
 """
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -214,6 +214,12 @@ def is_measured(c: Candidate, rule: Rule = RULE) -> bool:
     return c.distinct and is_there(c, rule)
 
 
+def is_more_than_usual(c: Candidate, rule: Rule = RULE) -> bool:
+    """Tell whether an effect is more than on any vehicle, or most of the error of an axis, be it of a moment or of the
+    accelerometer."""
+    return not c.effect.negligible() or c.largest_drop >= rule.most_of_error
+
+
 def without_stand_ins(supported: Sequence[Candidate], tried: Sequence[Candidate], rule: Rule = RULE) -> list[Candidate]:
     """Supported candidates that explain more of the acceleration than any that is there, but too small to be missing.
 
@@ -272,24 +278,6 @@ def is_needed(effect: Effect, without: Floats, residual: Floats, p_value: float,
 def are_alike(one: Floats, other: Floats, dataset: Dataset, rule: Rule = RULE) -> bool:
     """Tell whether the data do not distinguish two held-out residuals."""
     return difference_p_value(one, other, dataset) > rule.alike
-
-
-def alternatives(candidates: Iterable[Candidate], dataset: Dataset, rule: Rule = RULE) -> list[list[Candidate]]:
-    """Group candidates of which the data do not tell one from another; the simplest of each group first.
-
-    Candidates that were read from a session have no residuals to compare: each is a group of its own.
-    """
-    compared = list(candidates)
-    if not all(c.residual.size for c in compared):
-        return [[c] for c in compared]
-    groups: list[list[Candidate]] = []
-    for c in sorted(compared, key=lambda c: score(c.residual, rule)):
-        alike = [group for group in groups if are_alike(group[0].residual, c.residual, dataset, rule)]
-        if alike:
-            alike[0].append(c)
-        else:
-            groups.append([c])
-    return [sorted(group, key=lambda c: len(c.ci95)) for group in groups]
 
 
 def is_as_good(one: Floats, other: Floats, dataset: Dataset, rule: Rule = RULE) -> bool:

@@ -115,8 +115,10 @@ class Verdict(Panel):
         if diagnosis.verdict == "unexplained":
             more.append("The residual depends on the logged variables, but no effect of the catalogue describes how.")
             return _Said("help", in_words(Finding(Kind.LITTLE_UNEXPLAINED) if small else diagnosis.answer[0]), more)
+        if diagnosis.verdict == "small":
+            of_small = [in_words(found) for found in diagnosis.answer if found.kind is Kind.SMALL]
+            return _Said(OPEN, in_words(diagnosis.answer[0]), of_small + more)
         more.insert(0, "No effect of the catalogue reduces the held-out error enough to matter.")
-        more += [in_words(note) for note in diagnosis.notes if note.kind is Kind.SMALL]
         found = self._none(diagnosis, stands, small)
         return _Said("check_circle" if found.kind is Kind.NOTHING_SIGNIFICANT else OPEN, in_words(found), more)
 

@@ -308,6 +308,8 @@ class Analysis(Desk):
             said = f"missing: {listed(missing)}"
         elif found.diagnosis.verdict == "unexplained":
             said = "something is missing that no known effect explains"
+        elif found.diagnosis.verdict == "small":
+            said = f"measured, but small: {listed([plain(group[0].family) for group in found.diagnosis.small])}"
         else:
             said = "no further effect is missing"
         self.say("found", f"The search has ended: {said}. See What is missing.")

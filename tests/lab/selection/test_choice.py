@@ -2,7 +2,6 @@
 
 from dataclasses import replace
 
-import numpy as np
 import pytest
 
 from quadctl.effects.wind import WindOfEachFlight
@@ -10,7 +9,6 @@ from quadctl.lab.flights.dataset import Dataset
 from quadctl.lab.selection.candidate import Candidate
 from quadctl.lab.selection.diagnosis import Diagnosis
 from quadctl.lab.selection.rule import (
-    alternatives,
     choose,
     is_measured,
     is_supported,
@@ -60,12 +58,6 @@ def test_a_parameter_that_the_data_do_not_show_makes_no_effect_less_simple(
     assert (drag.n_seen, inflow.n_seen) == (n_seen, 1)
     assert best.effect.name == chosen
     assert alike == sorted({"rotor_drag", "inflow"} - {best.family})
-
-
-def test_candidates_of_a_session_are_not_compared(tried: dict[str, Candidate]) -> None:
-    """A session keeps no residuals: neither an error, nor a word on what is alike."""
-    read = [replace(c, residual=np.empty(0), solution=None) for c in list(tried.values())[:2]]
-    assert alternatives(read, Dataset(())) == [[c] for c in read]
 
 
 @pytest.mark.parametrize(("share", "stays"), [(0.9, False), (1.1, True)])

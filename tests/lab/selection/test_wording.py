@@ -12,9 +12,7 @@ from quadctl.lab.comparison.wording import parameters_in_words, share_of_g
 from quadctl.lab.finding import Finding, Kind
 from quadctl.lab.selection.candidate import Candidate
 from quadctl.lab.selection.diagnosis import Diagnosis
-from quadctl.lab.selection.rule import alternatives
 from quadctl.lab.selection.wording import error_in_table, reason_against
-from quadctl.web.session.findings import Findings
 
 
 def test_parameters_that_the_data_choose_stand_beside_those_that_are_fitted() -> None:
@@ -35,13 +33,6 @@ def test_an_acceleration_is_said_as_a_share_of_gravity(error: float, words: str)
     assert share_of_g(error) == words
 
 
-def test_what_explains_as_much_is_one_group(nothing: Diagnosis) -> None:
-    first, second, third = nothing.ranking[:3]
-    worse = replace(third, residual=1.2 * third.residual)
-    groups = alternatives([first, worse, second], nothing.dataset)
-    assert [{c.family for c in group} for group in groups] == [{first.family, second.family}, {third.family}]
-
-
 def test_a_sentence_about_nothing_missing_names_no_effect(nothing: Diagnosis) -> None:
     assert nothing.answer[0] == Finding(Kind.NONE)
     assert not {Kind.SMALL, Kind.USUAL} & {note.kind for note in nothing.notes}
@@ -51,32 +42,9 @@ def test_what_is_as_small_as_a_trim_is_said_to_be_there(nothing: Diagnosis) -> N
     weak = next(c for c in nothing.ranking if c.family == "rotor_fault")
     there = replace(weak, effect=WeakRotor(0.01, 2.0), p_value=1e-6, after={k: 0.9 * v for k, v in weak.before.items()})
     ranking = [there, *(c for c in nothing.ranking if c is not weak)]
-    (note,) = (n for n in replace(nothing, ranking=ranking).notes if n.kind in (Kind.SMALL, Kind.USUAL))
+    (note,) = (n for n in replace(nothing, ranking=ranking).notes if n.kind is Kind.USUAL)
     assert note.facts["effect"] == "rotor_fault.weak"
     assert {name: p["value"] for name, p in note.facts["parameters"].items()} == {"loss": 0.01, "rotor": 2.0}
-
-
-def test_small_effects_read_from_a_session_are_told_each_by_itself(nothing: Diagnosis) -> None:
-    """Their residuals are not kept, so that nothing tells whether one stands for the other."""
-    small = {"p_value": 1e-6, "believable": True, "distinct": True, "implied": False, "at_bound": False}
-    effects = (WeakRotor(0.05, 2.0), MassStep(0.05, time_s=9.0))
-    ranking = [
-        replace(
-            next(c for c in nothing.ranking if c.family == effect.family()),
-            effect=effect,
-            ci95={},
-            determined=True,
-            after={k: 0.98 * v for k, v in nothing.ranking[0].before.items()},
-            before=nothing.ranking[0].before,
-            **small,
-        )
-        for effect in effects
-    ]
-    now = replace(nothing, ranking=ranking)
-    text = Findings.of(now, {}).to_json()
-    kept = Findings.from_json(text, now.model).diagnosed(now.model, now.dataset).diagnosis
-    assert len(kept.measured) == len(now.measured) == 2
-    assert [note.facts["alternatives"] for note in kept.notes if note.kind is Kind.SMALL] == [[], []]
 
 
 class TestReasonAgainst:
