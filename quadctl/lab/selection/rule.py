@@ -225,13 +225,6 @@ def without_needless_differences(
     return [c for c in supported if not (c.effect.only_of_several_flights and does_as_well(c))]
 
 
-def is_left_out(c: Candidate, rule: Rule = RULE) -> bool:
-    """Tell whether a candidate is significant on held-out data, and larger than a trim, be it plausible beside the
-    effects of the model or not."""
-    fits = c.determined and not c.at_bound and not c.implied
-    return c.held_out_drop > 0.0 and is_significant(c.p_value, rule) and fits and not is_usual(c, rule)
-
-
 def is_needed(effect: Effect, without: Floats, residual: Floats, p_value: float, rule: Rule = RULE) -> bool:
     """Tell whether an effect is still needed beside the others, from the held-out residuals without and with it, shape
     (n, axes).

@@ -1,8 +1,9 @@
 """Search for missing effects: a path from a fitted model to one in which no supported effect is missing.
 
 Forward selection tries every effect on top of the model, judges it on held-out data, adds the best supported one, and
-repeats until none is supported. Pruning then removes effects that the later ones made superfluous. An effect is
-replaced where another one encompasses it. A path is a value: each of these is a function from a path to a path.
+repeats until none is supported. Pruning then removes effects that the later ones made superfluous. The search is
+repeated without each effect found that has a rival. A path is a value: each of these is a function from a path to a
+path.
 """
 
 import time
@@ -27,7 +28,6 @@ from quadctl.lab.selection.rule import (
     are_alike,
     choose,
     indistinct,
-    is_left_out,
     is_look_alike,
     is_masked,
     is_needed,
@@ -45,8 +45,6 @@ MOST_PROMISING = 12
 are tried where none of these is supported."""
 MOST_MASKED = 2
 """Largest number of effects with which a search begins although they are not significant alone."""
-MOST_EXCHANGED = 3
-"""Largest number of effects that are tried in the place of those found."""
 
 Progress = Callable[[str], None]
 
@@ -126,7 +124,7 @@ def search(start: FittedModel, pool: Sequence[type[Effect]], progress: Progress,
     """Search `pool` for the effects that the fitted model `start` is missing."""
     path = pruned(forward(begun_at(start, rule), pool, progress))
     path = with_one_dropped(with_masked_first(path, pool, progress), pool, progress)
-    return largest_first(with_one_exchanged(with_other_variant(path, pool), pool, progress), len(pool))
+    return largest_first(with_other_variant(path, pool), len(pool))
 
 
 def begun_at(start: FittedModel, rule: Rule = RULE) -> Path:
@@ -253,29 +251,6 @@ def _has_rival(path: Path, family: str) -> bool:
     return any(other > least for name, other in explained.items() if name != family)
 
 
-def with_one_exchanged(path: Path, pool: Sequence[type[Effect]], progress: Progress) -> Path:
-    """Path, or a path in which one effect that was found gives way to another one that encompasses it.
-
-    The greedy search may add an effect that has a little of two others, beside which neither is plausible any more.
-    Where one of these is still significant on top of the path, it is tried in the place of each effect found, and the
-    search goes on from there. It encompasses that effect (Mizon & Richard 1986, Econometrica 54) where that one is not
-    significant on top of the new path.
-    """
-    significant = [c for c in path.latest.values() if c.family not in path.missing and is_left_out(c, path.rule)]
-    for candidate in sorted(significant, key=lambda c: score(c.residual, path.rule))[:MOST_EXCHANGED]:
-        for family in path.missing:
-            other = _exchanged(path, family, candidate, pool, progress)
-            if other is None or family in other.missing or candidate.family not in other.missing:
-                continue
-            new, old = _comparable(other, path)
-            if score(new, path.rule) >= score(old, path.rule) + path.rule.equal_score:
-                continue
-            again = [_trial(other, effect, len(pool)) for effect in pool if effect.family() == family]
-            if not any(is_left_out(c, path.rule) for c in again):
-                return pruned(forward(other, pool, progress))
-    return path
-
-
 def with_other_variant(path: Path, pool: Sequence[type[Effect]]) -> Path:
     """Path, or a path in which another variant of one effect makes one that was added later needless.
 
@@ -329,22 +304,6 @@ def _is_plausible(path: Path) -> bool:
         return False
     added = [i for i, effect in enumerate(fit.model.effects) if effect.family() in path.missing]
     return all(fit.determined(i) and not fit.at_bound(i) for i in added)
-
-
-def _exchanged(
-    path: Path, family: str, candidate: Candidate, pool: Sequence[type[Effect]], progress: Progress
-) -> Path | None:
-    """Path with the effects of `path` but `family`, then `candidate`, then what the search finds beside them; None
-    where one of them is not supported there."""
-    other = path.restarted()
-    found = [c for c in path.chosen if c.family in path.missing and c.family != family]
-    for kind in (type(c.effect) for c in (*found, candidate)):
-        tried = _trial(other, kind, len(pool))
-        if not is_supported(tried, path.rule):
-            return None
-        other = taken(other, tried)
-    told = _prefixed(f"with {candidate.effect.name} instead of {family}", progress)
-    return pruned(forward(other, pool, told, likely_only=True))
 
 
 def emptied(path: Path) -> Path:
