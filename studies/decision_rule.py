@@ -35,24 +35,16 @@ MOVED: dict[str, tuple[float, ...]] = {
     "material": (0.03, 0.08),
     "material_m_s2": (0.05, 0.2),
     "least_m_s2": (0.015, 0.06),
-    "most_of_error": (0.3, 0.7),
-    "trim_m_s2": (0.035, 0.14),
-    "harmless": (0.003, 0.03),
-    "harmless_beside": (0.1, 0.4),
+    "most": (0.3, 0.7),
+    "visible": (0.003, 0.03),
+    "beside": (0.1, 0.4),
     "least_share_of_moment": (0.05, 0.2),
-    "shown": (0.003, 0.03),
-    "shown_alone": (0.1, 0.4),
-    "shown_beside": (0.1, 0.4),
     "alike": (0.01, 0.2),
     "equal_score": (0.003, 0.03),
-    "replaced": (0, 3),
+    "trim_m_s2": (0.035, 0.14),
     "large": (0.07, 0.15),
-    "drift": (0.3, 0.7),
-    "mostly": (0.3, 0.7),
 }
-"""Thresholds of `quadctl.lab.selection.rule.Rule`, and the values that are tried instead of theirs."""
-NOT_MOVED = ("left_by_a_lag", "rival")
-"""Thresholds that are not moved."""
+"""Thresholds of `quadctl.lab.selection.rule.Rule`, all of them, and the values that are tried instead of theirs."""
 KINDS = {"single": "one effect", "pair": "two effects", "unexplained": "unexplained", "none": "nothing hidden"}
 STRENGTHS = (1.0, 0.3)
 SEED = 1
@@ -116,7 +108,7 @@ def remembered() -> Iterator[None]:
         return model.effects
 
     def of_trials(rule: Rule) -> tuple[float, float]:
-        return rule.least_share_of_moment, rule.left_by_a_lag
+        return rule.least_share_of_moment, rule.most
 
     def by_residual(residual: Any, *others: Any) -> Any:
         return residual.tobytes()

@@ -34,35 +34,27 @@ class Rule:
     material_m_s2: float = 0.1
     """Acceleration explained on one axis above which an effect is material however noisy the log is: 1 % of g, as trims
     of 0.6 degrees or a thrust that is off by 1 % make."""
-
     least_m_s2: float = 0.03
     """Least acceleration that counts on any axis, 0.3 % of g: attitudes are off by 0.2 degrees, and rotor speeds by
     0.15 %, as the motion goes, and quiet logs show what this does."""
-    most_of_error: float = 0.5
-    """Relative drop of the error of the acceleration on an axis from which on an effect is missing even if it is as
-    small as on any vehicle: it is what the model is wrong by."""
-    trim_m_s2: float = 0.07
-    """Acceleration by a trim of 0.4 degrees, the standard deviation of those of real vehicles (`KINDS`), and more than
-    a thrust that is off by 0.5 % makes: attitudes that are off by as much depend on speed, acceleration and heading,
-    and so does the error that they leave. A smaller dependence is not called unexplained."""
+    most: float = 0.5
+    """Share from which on a part is most of the whole. Of the error of an axis: an effect that explains it is missing
+    even if it is as small as on any vehicle; a lag that explains it is no delay; a prediction from time alone that
+    explains it is no noise, as real flights drift by less. Of the squared acceleration of an effect: what explains as
+    much is its rival. Of the explainable error: effects that leave as much are rejected, and all is unexplained."""
 
     # moments
-    harmless: float = 0.01
-    """Largest relative increase of the held-out error of a moment by an effect on the moments (or
-    `harmless_beside`)."""
-    harmless_beside: float = 0.2
-    """Largest such increase as a share of the effect's largest drop on a moment; the larger of the two limits counts.
-    With more, the effect stands in for another one."""
+    visible: float = 0.01
+    """Least relative change of the held-out error of a moment that counts: a drop shows the effect, where it must show
+    in several; a rise makes it harmful."""
+    beside: float = 0.2
+    """Share of the largest drop that a change of another axis is compared to. An effect that raises the error of a
+    moment by more stands in for another one. One that lowers the error of a moment in which it must show by less
+    belongs to another family: nuisances can explain as much of a moment. The same for the thrust, of an effect that
+    must show there and whose moments others have, too; and of the whole error, where it must show in one moment
+    only."""
     least_share_of_moment: float = 0.1
     """Least error of a moment, as a share of the error of all three, to which a change of it is compared."""
-    shown: float = 0.01
-    """Least relative drop of the error of each moment in which an effect must be visible, if there are several."""
-    shown_alone: float = 0.2
-    """Least relative drop where the effect must be visible in one moment only."""
-    shown_beside: float = 0.2
-    """Least drop of each such moment as a share of the largest drop on any axis: nuisances can explain as much of a
-    moment, and an effect that lowers only the error of the thrust belongs to another family. The same for the thrust,
-    of an effect that must show there and whose moments others have, too: one that lowers only theirs is another one."""
 
     # alike
     alike: float = 0.05
@@ -71,24 +63,15 @@ class Rule:
     equal_score: float = 0.01
     """Largest difference of the scores (logarithms of the held-out error) of candidates that count as equally good: the
     simplest of them is taken."""
-    replaced: int = 2
-    """Number of found effects that one confounded effect can replace when it explains as much alone. One effect
-    against one is decided by the score; a single effect that matches three or more has more freedom than they have."""
-    left_by_a_lag: float = 0.5
-    """Largest share of the vertical error that a motor lag leaves, where no delay tells of it."""
-    rival: float = 0.5
-    """Least squared acceleration that a rival of an effect explains, as a share of that one's."""
 
     # unexplained
+    trim_m_s2: float = 0.07
+    """Acceleration by a trim of 0.4 degrees, the standard deviation of those of real vehicles (`KINDS`), and more than
+    a thrust that is off by 0.5 % makes: attitudes that are off by as much depend on speed, acceleration and heading,
+    and so does the error that they leave. A smaller dependence is not called unexplained."""
     large: float = 0.1
     """Relative drop of an axis' error that a regression on noise never reaches by chance: a larger one is unexplained
     even without an expression."""
-    drift: float = 0.5
-    """Relative drop of an axis' error by a prediction from time alone above which the error is no noise: that of real
-    flights drifts by less."""
-    mostly: float = 0.5
-    """Share of the explainable error above which the effects found are rejected: then nothing is called missing, and
-    all is unexplained."""
 
 
 RULE = Rule()
@@ -122,8 +105,8 @@ def is_harmful(c: Candidate, rule: Rule = RULE) -> bool:
     does.
     """
     drops = _moment_drops(c, rule)
-    overall = min(drops) < -max(rule.harmless, rule.harmless_beside * max(drops))
-    return c.effect.affects_moment and (overall or c.worst_flight < -max(rule.harmless, *drops))
+    overall = min(drops) < -max(rule.visible, rule.beside * max(drops))
+    return c.effect.affects_moment and (overall or c.worst_flight < -max(rule.visible, *drops))
 
 
 def moment_drops(before: Mapping[str, float], after: Mapping[str, float], rule: Rule = RULE) -> dict[str, float]:
@@ -144,7 +127,7 @@ def _moment_drops(c: Candidate, rule: Rule = RULE) -> list[float]:
 
 def shows_in_moments(c: Candidate, rule: Rule = RULE) -> bool:
     """Tell whether a candidate lowers the error of every moment that its physics must show in, and worsens neither roll
-    nor pitch; and that of the thrust, where it must show there too: by `shown_beside` of its largest drop where it
+    nor pitch; and that of the thrust, where it must show there too: by `beside` of its largest drop where it
     need not show in a certain moment.
 
     Of several moments a centre of mass that is off may hide all but one, where the thrust shows the effect as well. Yaw
@@ -152,14 +135,14 @@ def shows_in_moments(c: Candidate, rule: Rule = RULE) -> bool:
     """
     axes, up = c.effect.shows_in(c.model.vehicle), c.drops.get("up", 0.0)
     shown = [c.drops.get(axis, 0.0) for axis in axes if axis in MOMENTS]
-    least = rule.shown if shown else max(rule.shown, rule.shown_beside * c.largest_drop)
+    least = rule.visible if shown else max(rule.visible, rule.beside * c.largest_drop)
     if "up" in axes and up < least:
         return False
     if not shown:
         return True
-    enough = max(rule.shown if len(shown) > 1 else rule.shown_alone, rule.shown_beside * c.largest_drop)
-    one_is_hidden = len(shown) > 1 and max(shown) > rule.shown_alone and up > rule.material
-    return (min(shown) > enough or one_is_hidden) and min(_moment_drops(c, rule)[:2]) > -rule.harmless
+    enough = max(rule.visible if len(shown) > 1 else rule.beside, rule.beside * c.largest_drop)
+    one_is_hidden = len(shown) > 1 and max(shown) > rule.beside and up > rule.material
+    return (min(shown) > enough or one_is_hidden) and min(_moment_drops(c, rule)[:2]) > -rule.visible
 
 
 def is_there(c: Candidate, rule: Rule = RULE) -> bool:
@@ -180,7 +163,7 @@ def is_trim(c: Candidate, rule: Rule = RULE) -> bool:
 
 def is_usual(c: Candidate, rule: Rule = RULE) -> bool:
     """Tell whether an effect is as small as on any vehicle, and not most of the error of the acceleration."""
-    return c.effect.negligible() and max(c.drops.get(axis, 0.0) for axis in GROUPS["total"]) < rule.most_of_error
+    return c.effect.negligible() and max(c.drops.get(axis, 0.0) for axis in GROUPS["total"]) < rule.most
 
 
 def is_plausible(c: Candidate, rule: Rule = RULE) -> bool:
@@ -217,7 +200,7 @@ def is_measured(c: Candidate, rule: Rule = RULE) -> bool:
 def is_more_than_usual(c: Candidate, rule: Rule = RULE) -> bool:
     """Tell whether an effect is more than on any vehicle, or most of the error of an axis, be it of a moment or of the
     accelerometer."""
-    return not c.effect.negligible() or c.largest_drop >= rule.most_of_error
+    return not c.effect.negligible() or c.largest_drop >= rule.most
 
 
 def without_stand_ins(supported: Sequence[Candidate], tried: Sequence[Candidate], rule: Rule = RULE) -> list[Candidate]:
@@ -248,18 +231,6 @@ def without_needless_differences(
     return [c for c in supported if not (c.effect.only_of_several_flights and does_as_well(c))]
 
 
-def is_left_out(c: Candidate, rule: Rule = RULE) -> bool:
-    """Tell whether a candidate is significant on held-out data, and larger than a trim, be it plausible beside the
-    effects of the model or not."""
-    fits = c.determined and not c.at_bound and not c.implied
-    return c.held_out_drop > 0.0 and is_significant(c.p_value, rule) and fits and not is_usual(c, rule)
-
-
-def is_replaceable(missing: Sequence[str], rule: Rule = RULE) -> bool:
-    """Tell whether one confounded effect may replace all the families that were found."""
-    return 0 < rule.replaced == len(missing)
-
-
 def is_needed(effect: Effect, without: Floats, residual: Floats, p_value: float, rule: Rule = RULE) -> bool:
     """Tell whether an effect is still needed beside the others, from the held-out residuals without and with it, shape
     (n, axes).
@@ -267,7 +238,7 @@ def is_needed(effect: Effect, without: Floats, residual: Floats, p_value: float,
     It is not where, beside the others, it is as small as on any vehicle (see `is_usual`).
     """
     explained = explained_m_s2(without, residual)
-    usual = effect.negligible() and largest_gain(without[:, :3], residual[:, :3]) < rule.most_of_error
+    usual = effect.negligible() and largest_gain(without[:, :3], residual[:, :3]) < rule.most
     return (
         is_significant(p_value, rule)
         and is_material(effect, largest_gain(without, residual), explained, rule)
@@ -329,14 +300,14 @@ def is_mostly_drift(residual: Floats, drift: Floats, rule: Rule = RULE) -> bool:
 
     `drift` is the held-out prediction of the residual from time, shape (n, 3).
     """
-    return largest_gain(residual, residual - drift) > rule.drift
+    return largest_gain(residual, residual - drift) > rule.most
 
 
 def is_mostly_left(first: Floats, residual: Floats, flexible: Floats, rule: Rule = RULE) -> bool:
     """Tell whether the effects found leave most of what could be explained of the `first` residual."""
     floor = float(np.sum((residual - flexible) ** 2))
     left = (float(np.sum(residual**2)) - floor) / max(float(np.sum(first**2)) - floor, 1e-12)
-    return left > rule.mostly
+    return left > rule.most
 
 
 def score(residual: Floats, rule: Rule = RULE) -> float:

@@ -1,9 +1,9 @@
 """Search for missing effects: a path from a fitted model to one in which no supported effect is missing.
 
 Forward selection tries every effect on top of the model, judges it on held-out data, adds the best supported one, and
-repeats until none is supported. Pruning then removes effects that the later ones made superfluous. A pair of effects is
-replaced where one confounded effect explains as much alone, and an effect where another one encompasses it. A path is a
-value: each of these is a function from a path to a path.
+repeats until none is supported. Pruning then removes effects that the later ones made superfluous. The search is
+repeated without each effect found that has a rival. A path is a value: each of these is a function from a path to a
+path.
 """
 
 import time
@@ -28,12 +28,9 @@ from quadctl.lab.selection.rule import (
     are_alike,
     choose,
     indistinct,
-    is_as_good,
-    is_left_out,
     is_look_alike,
     is_masked,
     is_needed,
-    is_replaceable,
     is_significant,
     is_supported,
     score,
@@ -48,8 +45,6 @@ MOST_PROMISING = 12
 are tried where none of these is supported."""
 MOST_MASKED = 2
 """Largest number of effects with which a search begins although they are not significant alone."""
-MOST_EXCHANGED = 3
-"""Largest number of effects that are tried in the place of those found."""
 
 Progress = Callable[[str], None]
 
@@ -91,11 +86,6 @@ class Path:
         return self.start.dataset
 
     @property
-    def passed_over(self) -> list[Candidate]:
-        """Confounded effects of the first round: plausible, but not distinguished from another effect."""
-        return [c for c in self.at_start.values() if is_look_alike(c, self.rule)]
-
-    @property
     def first(self) -> list[Candidate]:
         """Supported candidates of the first round, the best first, and those that lack nothing but significance."""
         tried = list(self.at_start.values())
@@ -134,8 +124,7 @@ def search(start: FittedModel, pool: Sequence[type[Effect]], progress: Progress,
     """Search `pool` for the effects that the fitted model `start` is missing."""
     path = pruned(forward(begun_at(start, rule), pool, progress))
     path = with_one_dropped(with_masked_first(path, pool, progress), pool, progress)
-    path = with_pair_replaced(path, pool, progress)
-    return largest_first(with_one_exchanged(with_other_variant(path, pool), pool, progress), len(pool))
+    return largest_first(with_other_variant(path, pool), len(pool))
 
 
 def begun_at(start: FittedModel, rule: Rule = RULE) -> Path:
@@ -258,46 +247,8 @@ def _comparable(one: Path, other: Path) -> tuple[Floats, Floats]:
 def _has_rival(path: Path, family: str) -> bool:
     """Tell whether another family explains at least half as much of the acceleration, alone, as one that was found."""
     explained = {c.family: c.explained_m_s2**2 for c in reversed(path.first)}
-    least = path.rule.rival * explained.get(family, 0.0)
+    least = path.rule.most * explained.get(family, 0.0)
     return any(other > least for name, other in explained.items() if name != family)
-
-
-def with_pair_replaced(path: Path, pool: Sequence[type[Effect]], progress: Progress) -> Path:
-    """Path, or a path to a single confounded effect of the first round that explains as much as the pair found."""
-    for candidate in sorted(path.passed_over, key=lambda c: score(c.residual, path.rule)):
-        if not is_replaceable(path.missing, path.rule) or candidate.family in path.missing:
-            continue
-        other = taken(path.restarted(), candidate)
-        if not is_as_good(other.residual, path.residual, path.dataset, path.rule):
-            continue
-        instead = f"with {candidate.effect.name} instead of {' and '.join(path.missing)}"
-        other = pruned(forward(other, pool, _prefixed(instead, progress)))
-        if other.missing == (candidate.family,):
-            return replace(other, confounded=(*other.confounded, (candidate.family, path.missing[-1])))
-    return path
-
-
-def with_one_exchanged(path: Path, pool: Sequence[type[Effect]], progress: Progress) -> Path:
-    """Path, or a path in which one effect that was found gives way to another one that encompasses it.
-
-    The greedy search may add an effect that has a little of two others, beside which neither is plausible any more.
-    Where one of these is still significant on top of the path, it is tried in the place of each effect found, and the
-    search goes on from there. It encompasses that effect (Mizon & Richard 1986, Econometrica 54) where that one is not
-    significant on top of the new path.
-    """
-    significant = [c for c in path.latest.values() if c.family not in path.missing and is_left_out(c, path.rule)]
-    for candidate in sorted(significant, key=lambda c: score(c.residual, path.rule))[:MOST_EXCHANGED]:
-        for family in path.missing:
-            other = _exchanged(path, family, candidate, pool, progress)
-            if other is None or family in other.missing or candidate.family not in other.missing:
-                continue
-            new, old = _comparable(other, path)
-            if score(new, path.rule) >= score(old, path.rule) + path.rule.equal_score:
-                continue
-            again = [_trial(other, effect, len(pool)) for effect in pool if effect.family() == family]
-            if not any(is_left_out(c, path.rule) for c in again):
-                return pruned(forward(other, pool, progress))
-    return path
 
 
 def with_other_variant(path: Path, pool: Sequence[type[Effect]]) -> Path:
@@ -331,7 +282,7 @@ def largest_first(path: Path, n_tried: int) -> Path:
     found = [c for c in path.chosen if c.family in path.missing]
     alone = {c.family: path.at_start[c.effect.name].explained_m_s2 ** 2 for c in found}
     ordered = sorted(found, key=lambda c: alone[c.family], reverse=True)
-    if not found or alone[found[0].family] >= path.rule.rival * alone[ordered[0].family]:
+    if not found or alone[found[0].family] >= path.rule.most * alone[ordered[0].family]:
         return path
     other = path.restarted()
     for kind in (type(c.effect) for c in ordered):
@@ -353,22 +304,6 @@ def _is_plausible(path: Path) -> bool:
         return False
     added = [i for i, effect in enumerate(fit.model.effects) if effect.family() in path.missing]
     return all(fit.determined(i) and not fit.at_bound(i) for i in added)
-
-
-def _exchanged(
-    path: Path, family: str, candidate: Candidate, pool: Sequence[type[Effect]], progress: Progress
-) -> Path | None:
-    """Path with the effects of `path` but `family`, then `candidate`, then what the search finds beside them; None
-    where one of them is not supported there."""
-    other = path.restarted()
-    found = [c for c in path.chosen if c.family in path.missing and c.family != family]
-    for kind in (type(c.effect) for c in (*found, candidate)):
-        tried = _trial(other, kind, len(pool))
-        if not is_supported(tried, path.rule):
-            return None
-        other = taken(other, tried)
-    told = _prefixed(f"with {candidate.effect.name} instead of {family}", progress)
-    return pruned(forward(other, pool, told, likely_only=True))
 
 
 def emptied(path: Path) -> Path:

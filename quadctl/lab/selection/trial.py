@@ -77,7 +77,7 @@ def _is_no_delay(before: Floats, after: Floats, dataset: Dataset, rule: Rule) ->
     Either the signals come too early for these, or the lag explains most of what a delay leaves of the vertical
     acceleration: a lag also weakens the noise in the rotor signal, and explains some of it by that alone.
     """
-    most = rmse(after, dataset.groups)["up"] < rule.left_by_a_lag * rmse(before, dataset.groups)["up"]
+    most = rmse(after, dataset.groups)["up"] < rule.most * rmse(before, dataset.groups)["up"]
     return most or comes_too_early(dataset.flights[0].timing)
 
 
