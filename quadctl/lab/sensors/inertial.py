@@ -10,7 +10,6 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from scipy.signal import lsim
 
 from quadctl.effects.sensor_error import SensorError
 from quadctl.lab.arrays import Floats
@@ -39,6 +38,8 @@ def with_unsure_gain(flight: Heights, estimated: Estimated) -> Heights:
 
 def above_ground(flight: Heights, errors: Sequence[SensorError], gains: tuple[float, float]) -> Floats:
     """Height above the ground without these errors, as the estimator followed them from its rest, m, shape (n,)."""
+    from scipy.signal import lsim  # brings scipy.stats, which the start of the page should not wait for
+
     error = sum((np.asarray(one.error_m(flight.conditions(flight.wind_ne_m_s))) for one in errors), np.zeros(1))
     even = np.arange(flight.time_s[0], flight.time_s[-1] + BIN_S, BIN_S)
     read = np.interp(even, flight.time_s, np.broadcast_to(error, flight.time_s.shape))
