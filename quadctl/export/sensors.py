@@ -27,7 +27,9 @@ class SensorDialect(NamedTuple):
     limit: float
     """Largest coefficient that it takes."""
     switch: str
-    """Parameter that is 1 where the coefficients are used; empty where they always are."""
+    """Parameter that is 1 where the coefficients are used; empty where none is theirs alone."""
+    note: str
+    """What else their use depends on."""
     throttle: str
     """Pressure at full throttle, Pa; empty where it has none."""
     dead_band: str
@@ -51,6 +53,7 @@ BAROMETERS: dict[str, SensorDialect] = {
         },
         limit=0.5,
         switch="",
+        note="used only while a wind is estimated: EKF2_DRAG_CTRL 1, with EKF2_BCOEF_X and _Y or EKF2_MCOEF of a model",
         throttle="",
         dead_band="EKF2_GND_EFF_DZ",
         dead_band_height="EKF2_GND_MAX_HGT",
@@ -69,6 +72,7 @@ BAROMETERS: dict[str, SensorDialect] = {
         },
         limit=1.0,
         switch="BARO1_WCF_ENABLE",
+        note="",
         throttle="BARO1_THST_SCALE",
         dead_band="",
         dead_band_height="GNDEFF_ALT",
@@ -81,7 +85,7 @@ BAROMETERS: dict[str, SensorDialect] = {
 def sensor_rows(model: SensorModel, dialect: Dialect, present: Present | None = None) -> list[Row]:
     """Parameters of the autopilot's barometer that the errors tell, and those that they do not, with the reason."""
     names = BAROMETERS[dialect.name]
-    rows = [_airspeed(name, of, model, names.limit) for name, of in names.airspeed.items()]
+    rows = [_airspeed(name, of, model, names) for name, of in names.airspeed.items()]
     if names.switch and any(row.estimate is not None for row in rows):
         rows.insert(0, Row(names.switch, "uses the coefficients", Estimate(1.0, 1.0, 1.0), logs=model.logs))
     if names.throttle:
@@ -125,7 +129,7 @@ def _intervals(one: FittedError) -> str:
     return f" ({', '.join(known)})" if known else ""
 
 
-def _airspeed(name: str, of: tuple[str, ...], model: SensorModel, limit: float) -> Row:
+def _airspeed(name: str, of: tuple[str, ...], model: SensorModel, names: SensorDialect) -> Row:
     row = Row(name, f"static pressure error over dynamic pressure, {' and '.join(of)}")
     one = model.of(AirspeedError.name)
     if one is None:
@@ -141,9 +145,11 @@ def _airspeed(name: str, of: tuple[str, ...], model: SensorModel, limit: float) 
         return row._replace(lacking=interval if is_small else f"{interval}: {FLY}")
     if not one.missing:
         return row._replace(lacking=f"{found.value:.3g} [{found.low:.3g}, {found.high:.3g}], of no matter")
-    if abs(found.value) > limit:
-        return row._replace(lacking=f"it is {found.value:.3g}, but the firmware takes {-limit:g} to {limit:g}")
-    return row._replace(estimate=found, logs=model.logs)
+    if abs(found.value) > names.limit:
+        return row._replace(
+            lacking=f"it is {found.value:.3g}, but the firmware takes {-names.limit:g} to {names.limit:g}"
+        )
+    return row._replace(estimate=found, logs=model.logs, note=names.note)
 
 
 def _estimate(one: FittedError, parameter: str) -> Estimate:

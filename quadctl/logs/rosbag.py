@@ -24,6 +24,7 @@ from quadctl.logs.findings import Finding, Kind, finding
 from quadctl.logs.flight_log import ATTITUDE, IMU, POSITION, RATES, VELOCITY, FlightLog, Floats
 from quadctl.logs.merge import Channel, Origin, merge
 from quadctl.logs.ulog import TOPICS, log_of_topics
+from quadctl.thrust_chain.atmosphere import pressure_altitude_m
 
 MAGICS = {b"\x89MCAP": ".mcap", b"SQLite format 3": ".db3", b"#ROSBAG V2": ".bag"}
 """Beginnings of the files of a bag, with the suffixes by which the library knows them."""
@@ -39,6 +40,8 @@ NEEDED = "nav_msgs/Odometry, or px4_msgs VehicleLocalPosition and VehicleAttitud
 _Topic: TypeAlias = dict[str, Floats]
 """Arrays of shape (n,) by the names of fields: `pose.pose.position.x`, `q[0]`."""
 RPM_PER_RAD_S = 30.0 / np.pi
+DIFFERENTIAL = "diff_pressure"
+"""Part of the names of topics with an air speed sensor's pressure, which has the type of a barometer's."""
 
 
 def is_rosbag(head: bytes) -> bool:
@@ -108,6 +111,8 @@ def _understood(
     with AnyReader(files, default_typestore=get_typestore(Stores.LATEST)) as bag:
         counts: dict[tuple[str, str], int] = defaultdict(int)
         for connection in bag.connections:
+            if DIFFERENTIAL in connection.topic:
+                continue
             if connection.msgtype in STANDARD or px4_topic(connection.msgtype) in TOPICS:
                 counts[connection.msgtype, connection.topic] += connection.msgcount
         chosen: dict[str, str] = {}
@@ -238,6 +243,23 @@ def _battery(topic: _Topic) -> Iterator[Channel]:
     yield Channel("sensor_msgs/BatteryState", _time(topic), {"battery_v": topic["voltage"]}, makes_rows=False)
 
 
+def _altitude(topic: _Topic) -> Iterator[Channel]:
+    """Height of the barometer alone, as PX4 tells it."""
+    yield Channel("mavros_msgs/Altitude", _time(topic), {"baro_m": topic["monotonic"]}, makes_rows=False, averaged=True)
+
+
+def _pressure(topic: _Topic) -> Iterator[Channel]:
+    columns = {"baro_m": np.asarray(pressure_altitude_m(topic["fluid_pressure"]))}
+    yield Channel("sensor_msgs/FluidPressure", _time(topic), columns, makes_rows=False, averaged=True)
+
+
+def _range(topic: _Topic) -> Iterator[Channel]:
+    distance = topic["range"]
+    good = (distance > topic["min_range"]) & (distance < topic["max_range"])
+    columns = {"range_m": np.where(good, distance, np.nan)}
+    yield Channel("sensor_msgs/Range", _time(topic), columns, makes_rows=False)
+
+
 def _rotors(field: str, factor: float) -> Callable[[_Topic], Iterator[Channel]]:
     """Reader of rotor speeds; `field` with a place for the number of the rotor, from 0."""
 
@@ -265,6 +287,9 @@ STANDARD: dict[str, Callable[[_Topic], Iterator[Channel]]] = {
     "mav_msgs/msg/Actuators": _rotors("angular_velocities[{}]", RPM_PER_RAD_S),
     "actuator_msgs/msg/Actuators": _rotors("velocity[{}]", RPM_PER_RAD_S),
     "mavros_msgs/msg/AttitudeTarget": _thrust,
+    "mavros_msgs/msg/Altitude": _altitude,
+    "sensor_msgs/msg/FluidPressure": _pressure,
+    "sensor_msgs/msg/Range": _range,
 }
 """Standard messages and their readers; where several hold the same column, the first in this order does."""
 

@@ -31,6 +31,7 @@ from quadctl.thrust_chain.atmosphere import (
     Version,
     air_density_ratio,
     atmosphere_of,
+    pressure_altitude_m,
     version_in,
     version_of_number,
 )
@@ -50,6 +51,8 @@ MESSAGES = {
     36: "SERVO_OUTPUT_RAW",
     83: "ATTITUDE_TARGET",
     105: "HIGHRES_IMU",
+    132: "DISTANCE_SENSOR",
+    141: "ALTITUDE",
     147: "BATTERY_STATUS",
     148: "AUTOPILOT_VERSION",
     253: "STATUSTEXT",
@@ -80,6 +83,8 @@ _PLAUSIBLE_US = (946_684_800_000_000, 4_102_444_800_000_000)
 _ESC_STATUS = struct.Struct("<Q4i4f4fB")
 _ARDUPILOT, _NO_AUTOPILOT = 3, 8
 _ARMED = 128
+_DOWN = 25
+"""MAV_SENSOR_ROTATION_PITCH_270."""
 _MOTORS_OF_TYPE = {2: 4, 13: 6, 14: 8, 15: 3, 29: 12, 35: 10}
 """Number of motors by MAV_TYPE: quadrotor, hexarotor, octorotor, tricopter, dodecarotor, decarotor."""
 
@@ -325,6 +330,29 @@ def _channels(
             findings.append(output_finding(history.last, ambient))
         yield _channel(telemetry, "SERVO_OUTPUT_RAW", {}, columns)
     yield from _battery(telemetry)
+    yield from _heights(telemetry)
+
+
+def _heights(telemetry: _Telemetry) -> Iterator[Channel]:
+    """Barometer and range finder that looks down; the climb rate of GPS is in no message.
+
+    PX4 tells the barometer's height in ALTITUDE, ArduPilot its pressure.
+    """
+    if kind := _first(telemetry, "ALTITUDE", "SCALED_PRESSURE"):
+        if kind == "ALTITUDE":
+            columns = {"baro_m": telemetry.field(kind, "altitude_monotonic")}
+        else:
+            columns = {"baro_m": np.asarray(pressure_altitude_m(telemetry.field(kind, "press_abs", 100.0)))}
+            columns["baro_temperature_c"] = telemetry.field(kind, "temperature", 0.01)
+        yield _channel(telemetry, kind, {}, columns, makes_rows=False, averaged=True)
+    downward = [record for record in telemetry.records["DISTANCE_SENSOR"] if record.fields.orientation == _DOWN]
+    of_one = [record for record in downward if record.fields.id == downward[0].fields.id]
+    if of_one:
+        names = ("current_distance", "min_distance", "max_distance")
+        distance, least, most = 0.01 * np.array([[getattr(m.fields, name) for m in of_one] for name in names])
+        good = (distance > least) & (distance < most)
+        columns = {"range_m": np.where(good, distance, np.nan)}
+        yield Channel("DISTANCE_SENSOR", telemetry.times(of_one), columns, makes_rows=False)
 
 
 def _events(telemetry: _Telemetry) -> list[Event]:

@@ -14,7 +14,7 @@ from quadctl.numeric import Number
 Version: TypeAlias = tuple[int, int]
 """Major and minor number of a firmware."""
 
-SEA_LEVEL_DENSITY_KG_M3, LAPSE_K_M, ICE_POINT_K = 1.225, 0.0065, 273.15
+SEA_LEVEL_DENSITY_KG_M3, SEA_LEVEL_PA, LAPSE_K_M, ICE_POINT_K = 1.225, 101325.0, 0.0065, 273.15
 GAS_CONSTANT_J_KG_K = 287.26
 """Gas constant of ArduPilot outside of its standard atmosphere."""
 STANDARD_SINCE: Version = (4, 6)
@@ -89,6 +89,11 @@ def standard_density_ratio(altitude_m: Number) -> Number:
     return (1.0 - LAPSE_K_M * geopotential_m / SEA_LEVEL_K) ** DENSITY_EXPONENT
 
 
+def pressure_altitude_m(pressure_pa: Number) -> Number:
+    """Altitude above the sea at which the standard atmosphere has this pressure."""
+    return SEA_LEVEL_K / LAPSE_K_M * (1.0 - (pressure_pa / SEA_LEVEL_PA) ** PRESSURE_EXPONENT)
+
+
 def takes_standard(air: Air) -> bool:
     """Tell from the barometric height in a log whether its board takes the standard atmosphere.
 
@@ -103,7 +108,7 @@ def takes_standard(air: Air) -> bool:
     slope_m = np.polyfit(np.log(pressure_pa), height_m, 1)[0]
     seen_k = -slope_m * LAPSE_K_M / PRESSURE_EXPONENT
     ground_k = float(np.nanmedian(air.ground_temperature_c)) + ICE_POINT_K
-    standard_k = SEA_LEVEL_K * float(np.median(pressure_pa) / 101325.0) ** PRESSURE_EXPONENT
+    standard_k = SEA_LEVEL_K * float(np.median(pressure_pa) / SEA_LEVEL_PA) ** PRESSURE_EXPONENT
     if not abs(ground_k - standard_k) > 2.0 * LEAST_DIFFERENCE * standard_k:
         return True
     return bool(abs(seen_k - standard_k) < abs(seen_k - ground_k))

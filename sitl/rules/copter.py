@@ -8,9 +8,10 @@ import numpy as np
 
 from quadctl.frames import rotate
 from quadctl.sitl.rules.px4 import CRITICAL, SimulatedAutopilot
+from quadctl.sitl.rules.static_pressure import COPTER_DEFAULTS, copter_correction_m
 from quadctl.sitl.vehicle.inner_loops import PX4, Gains, level_with_yaw
 from quadctl.sitl.vehicle.position_loop import AxisGains, PositionLaw
-from quadctl.state import AttitudeTarget, Setpoint
+from quadctl.state import AttitudeTarget, Setpoint, Vec3
 from quadctl.thrust_chain.ardupilot import angle_boost
 from quadctl.thrust_chain.atmosphere import Air, Version, air_density_ratio, atmosphere_of
 from quadctl.thrust_chain.chain import Ambient
@@ -106,6 +107,7 @@ class SimulatedCopter(SimulatedAutopilot):
         "MOT_SPIN_MAX": 0.95,
         "MOT_BAT_VOLT_MAX": 16.8,
         "MOT_BAT_VOLT_MIN": 13.2,
+        **COPTER_DEFAULTS,
     }
 
     guided = Guided.PLACE
@@ -124,6 +126,10 @@ class SimulatedCopter(SimulatedAutopilot):
     def hear_heartbeat(self, system_id: int) -> None:
         if system_id == int(self.parameters[self.station_parameter]):
             self._station_heard_s = self.time_s
+
+    def baro_correction_m(self, over_ground_m_s: Vec3, through_air_m_s: Vec3) -> float:
+        """By the velocity over ground: without EK3_DRAG_BCOEF it estimates no wind."""
+        return copter_correction_m(self.parameters, over_ground_m_s)
 
     def gains(self, vehicle: Vehicle) -> Gains:
         """Gains for this vehicle: the rate loop's output 1 moves the outermost rotors by half of their thrust."""

@@ -10,6 +10,7 @@ from typing import ClassVar, NamedTuple
 
 from quadctl.errors import SettingsError
 from quadctl.frames import GRAVITY_M_S2, multiply, quaternion_from_euler, rotate
+from quadctl.sitl.rules.static_pressure import PX4_DEFAULTS, px4_correction_m
 from quadctl.sitl.vehicle.body import STEP_S, SimulatedBody
 from quadctl.sitl.vehicle.estimator import Estimator
 from quadctl.sitl.vehicle.hidden import HiddenTruth, height_sensors, true_model
@@ -74,6 +75,7 @@ class SimulatedAutopilot:
         "MC_AIRMODE": 0.0,
         "MC_ROLLRATE_MAX": 220.0,
         "MC_PITCHRATE_MAX": 220.0,
+        **PX4_DEFAULTS,
     }
 
     def __init__(self, vehicle: Vehicle, truth: HiddenTruth | None = None, seed: int = 0, source: str = "") -> None:
@@ -82,6 +84,8 @@ class SimulatedAutopilot:
         world = true_model(vehicle, truth, source)
         self.body = SimulatedBody(world, ground=truth.ground)
         sensors = height_sensors(vehicle, truth, world, source, seed)
+        if sensors is not None:
+            sensors.correction = self.baro_correction_m
         self.estimator = Estimator(truth.noise, truth.telemetry, seed, sensors)
         self.loops = InnerLoops(vehicle, truth.autopilot.attitude, self.gains(vehicle))
         self.mode = self.first_mode
@@ -116,6 +120,10 @@ class SimulatedAutopilot:
         self.said: deque[tuple[int, str]] = deque()
         """Texts that it has to say, with their MAV_SEVERITY; taken by whoever sends them."""
         self.estimator.observe(self.body.motion())
+
+    def baro_correction_m(self, over_ground_m_s: Vec3, through_air_m_s: Vec3) -> float:
+        """Height that it adds to the barometer's, by velocities along the body, FRD; its wind is the true one."""
+        return px4_correction_m(self.parameters, through_air_m_s)
 
     def gains(self, vehicle: Vehicle) -> Gains:
         """Gains of its attitude and rate loops."""

@@ -58,6 +58,7 @@ class MavlinkArduPilot(MavlinkMock):
                     "FS_THR_ENABLE",
                     "FS_EKF_ACTION",
                     "RTL_ALT",
+                    "BARO1_WCF_ENABLE",
                     "ARMING_CHECK",
                     "ATC_ANGLE_BOOST",
                 }

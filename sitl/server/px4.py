@@ -107,6 +107,7 @@ class MavlinkPx4(MavlinkMock):
                     "COM_RC_OVERRIDE",
                     "COM_LOW_BAT_ACT",
                     "EKF2_NOAID_TOUT",
+                    "EKF2_DRAG_CTRL",
                     "MC_BAT_SCALE_EN",
                     "MC_AIRMODE",
                     "CA_AIRFRAME",

@@ -6,7 +6,7 @@ order does whose other half is an accelerometer.
 
 import math
 import random
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 from pydantic import Field, NonNegativeFloat
 
@@ -14,12 +14,14 @@ from quadctl.effects.sensor_error import SensorConditions, SensorError
 from quadctl.frames import rotate, rotate_inverse
 from quadctl.settings import Settings
 from quadctl.sitl.vehicle.body import REST_HEIGHT_M, Motion
-from quadctl.state import NAN
+from quadctl.state import NAN, Vec3
 from quadctl.vehicle import Vehicle
 
 DAMPING = 0.7
 WARM_S = 120.0
 """Time in which a barometer warms to 1/e."""
+Correction = Callable[[Vec3, Vec3], float]
+"""Height, m, that a firmware adds to the barometer's, by the velocities over ground and through the air, m/s, FRD."""
 
 
 class Barometer(Settings):
@@ -59,11 +61,12 @@ class HeightSensors:
         self._barometer, self._finder, self._wind = barometer, range_finder, wind_ne_m_s
         self._random = random.Random(f"height sensors {seed}")
         self._first_m: float | None = None
+        self.correction: Correction = lambda over_ground, through_air: 0.0
         self.height_error_m = 0.0
         """Error of the estimated height, up."""
         self.climb_error_m_s = 0.0
         self.baro_m = NAN
-        """Reading of the barometer, above where it was at the begin."""
+        """Reading of the barometer, above where it was at the begin, without the firmware's correction."""
         self.range_m = NAN
         """Distance along the body's axis down; NaN where the range finder sees nothing."""
 
@@ -77,7 +80,9 @@ class HeightSensors:
         self.baro_m = -motion.position_ned_m[2] + error
         w = self._barometer.follow_rad_s
         if w > 0.0:
-            apart = error - self.height_error_m
+            north, east, down = motion.velocity_ned_m_s
+            over_ground = rotate_inverse(motion.attitude, (north, east, down - self.climb_error_m_s))
+            apart = error + self.correction(over_ground, c.velocity_body_m_s) - self.height_error_m
             self.climb_error_m_s += dt * w * w * apart
             self.height_error_m += dt * (self.climb_error_m_s + 2.0 * DAMPING * w * apart)
         if self._finder is not None:

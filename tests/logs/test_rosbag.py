@@ -154,6 +154,13 @@ def messages(log: FlightLog, types: Mapping[str, Any]) -> Iterator[tuple[int, st
             for j in range(1, 5)
         ]
         yield stamp_ns, "/mavros/esc_status", types["mavros_msgs/msg/ESCStatus"](header=header, esc_status=items)
+        pascal = 101325.0 * (1.0 - 0.0065 * (100.0 + up) / 288.15) ** (9.80665 / (0.0065 * 287.053))
+        pressure, laser = types["sensor_msgs/msg/FluidPressure"], types["sensor_msgs/msg/Range"]
+        yield stamp_ns, "/mavros/imu/diff_pressure", pressure(header=header, fluid_pressure=12.0, variance=0.0)
+        yield stamp_ns, "/mavros/imu/static_pressure", pressure(header=header, fluid_pressure=pascal, variance=0.0)
+        seen = {"radiation_type": 1, "field_of_view": 0.1, "min_range": 0.1, "max_range": 8.0, "variance": 0.0}
+        fields = {name: value for name, value in seen.items() if name in laser.__dataclass_fields__}
+        yield stamp_ns, "/mavros/rangefinder/rangefinder", laser(header=header, range=up, **fields)
 
 
 @pytest.fixture(scope="module")
@@ -173,6 +180,10 @@ def test_standard_messages_in_enu_and_flu_are_the_same_flight(
     assert np.cos(np.radians(log["yaw_deg"] - flight["yaw_deg"])) == pytest.approx(1.0)
     assert log["motor2_rpm"] == pytest.approx(flight["motor2_rpm"], abs=0.51)
     assert log["imu_z_m_s2"] == pytest.approx(np.full(len(log), -9.81))
+    assert log["baro_m"] == pytest.approx(100.0 + flight["z_m"], abs=0.01)
+    far = flight["z_m"] > 0.1
+    assert log["range_m"][far] == pytest.approx(flight["z_m"][far], abs=1e-6)
+    assert np.isnan(log["range_m"][flight["z_m"] < 0.1]).all()
 
 
 @pytest.mark.parametrize(("storage", "suffix"), [(StoragePlugin.MCAP, "mcap"), (StoragePlugin.SQLITE3, "db3")])

@@ -41,6 +41,29 @@ class TestTlog:
         assert last["motor1_output"] == pytest.approx(0.495)
         assert "motor5_output" not in log.columns
 
+    @pytest.mark.parametrize("kind", ["ALTITUDE", "SCALED_PRESSURE"])
+    def test_the_sensors_of_the_height_are_read(self, tmp_path: Path, kind: str) -> None:
+        """A climb from 150 m, 40 cm each second, over a floor 1.5 m below it; another sensor looks forward."""
+        records = telemetry()
+        for i in range(40):
+            ms, at_s, height = 4_000_000 + 100 * i, 0.1 * i + 0.3, 150.0 + 0.04 * i
+            pascal = 101325.0 * (1.0 - 0.0065 * height / 288.15) ** (9.80665 / (0.0065 * 287.053))
+            told: object = mavlink.MAVLink_scaled_pressure_message(ms, 0.01 * pascal, 0.0, 2350)
+            if kind == "ALTITUDE":
+                told = mavlink.MAVLink_altitude_message(1000 * ms, height, 9.0, 9.0, 9.0, 9.0, 9.0)
+            down, forward = (
+                mavlink.MAVLink_distance_sensor_message(ms, 20, 1000, distance, 0, which, orientation, 255)
+                for which, distance, orientation in ((1, round(150 + 4 * i) if i else 1200, 25), (0, 700, 0))
+            )
+            records += [(at_s, told), (at_s, forward), (at_s, down)]
+        log = read_log(self.write(tmp_path, tlog_bytes(sorted(records, key=lambda record: record[0]))))
+        expected = np.interp(log.time_s, 0.1 * np.arange(40), 150.0 + 0.04 * np.arange(40))
+        inside = (log.time_s > 0.2) & (log.time_s < 3.7)
+        np.testing.assert_allclose(log["baro_m"][inside], expected[inside], atol=0.06)
+        np.testing.assert_allclose(log["range_m"][inside], expected[inside] - 148.5, atol=0.06)
+        assert np.nanmax(log["range_m"]) < 4.0  # what was beyond its reach is not there
+        assert log.has("baro_temperature_c") == (kind == "SCALED_PRESSURE")
+
     def test_time_is_the_autopilots_whatever_the_link_does(self, tmp_path: Path) -> None:
         log = read_log(self.write(tmp_path, tlog_bytes(telemetry())))
         np.testing.assert_allclose(log.time_s[log.updates(*POSITION)], 0.04 * np.arange(100), atol=0.0015)

@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 import pytest
@@ -9,9 +10,14 @@ import yaml
 
 import quadctl.sitl.run
 from quadctl.errors import SettingsError
+from quadctl.export.ardupilot import ARDUPILOT
+from quadctl.export.autopilot import Dialect
+from quadctl.export.px4 import PX4
+from quadctl.export.sensors import sensor_rows
 from quadctl.flight.preflight.preparation import prepare_flight
 from quadctl.lab.sensors.diagnosis import diagnose_sensor
 from quadctl.lab.sensors.heights import Heights, Reference, heights
+from quadctl.logs.flight_log import FlightLog
 from quadctl.logs.read import read_log
 from quadctl.sitl.rules.copter import SimulatedCopter
 from quadctl.sitl.rules.px4 import SimulatedAutopilot
@@ -110,3 +116,89 @@ def test_a_simulated_flight_is_diagnosed_from_its_own_log(tmp_path: Path) -> Non
     told = named["barometer.airspeed"].parameters
     for side, true in {"forward": 0.9, "backward": -0.7, "right": 0.8, "left": 0.0}.items():
         assert told[side].low - 0.05 <= true <= told[side].high + 0.05, side
+
+
+class Firmware(NamedTuple):
+    """A simulated autopilot, the names of its parameters, and those without which it uses no coefficient."""
+
+    kind: type[SimulatedAutopilot]
+    dialect: Dialect
+    switches: dict[str, float]
+
+
+FIRMWARES = {
+    "PX4": Firmware(SimulatedAutopilot, PX4, {"EKF2_DRAG_CTRL": 1.0}),
+    "ArduPilot": Firmware(SimulatedCopter, ARDUPILOT, {"GUID_OPTIONS": 8.0}),
+}
+OF_SPEED = {"forward": 0.15, "backward": -0.12, "right": 0.1}
+NOISE_M = 0.01
+"""Of the range finder, which tells the error of the height."""
+
+
+def flown(firmware: Firmware, parameters: dict[str, float], where: Path, seed: int) -> FlightLog:
+    """The runs of a field, in a world whose barometer errs with the air speed."""
+    world = {
+        "effects": [
+            {"effect": "rotor_drag.linear", "parameters": {"d_x": 0.35, "d_y": 0.35}},
+            {"effect": "barometer.airspeed", "parameters": OF_SPEED},
+        ],
+        "range_finder": {"noise_m": NOISE_M},
+        "autopilot": {"parameters": firmware.switches | parameters},
+    }
+    (where / "world.yaml").write_text(yaml.safe_dump(world))
+    mission = yaml.safe_load((ROOT / "missions" / "barometer_runs.yaml").read_text())
+    mission["limits"]["max_distance_m"] = 30.0
+    (where / "runs.yaml").write_text(yaml.safe_dump(mission, sort_keys=False))
+    room = ("speeds_m_s=[3, 6]", "reach_m=12", "low_m=-12")
+    plan = prepare_flight(where / "runs.yaml", ROOT / "config" / "flight_thesis.yaml", "none", None, room)
+    autopilot = firmware.kind(plan.body.vehicle, load_hidden(where / "world.yaml"), seed)
+    pilot = plan.pilot(autopilot_takes_off=firmware.kind is SimulatedCopter)
+    recorder = plan.recorder(where / str(seed), "simulated", heights=True)
+    quadctl.sitl.run.fly_lockstep(autopilot, pilot, plan.settings.controller.rate_hz, [recorder])
+    recorder.close(pilot.ended)
+    assert pilot.ended == "completed"
+    return read_log(recorder.path)
+
+
+def height_error_m(log: FlightLog) -> float:
+    """Root mean square of the estimated height's error in fast runs, without the range finder's noise."""
+    lean = np.cos(np.radians(log["roll_deg"])) * np.cos(np.radians(log["pitch_deg"]))
+    fast = np.hypot(log["vx_m_s"], log["vy_m_s"]) > 3.0
+    error = (log["z_m"] - log["range_m"] * lean)[fast]
+    return float(np.sqrt(max(np.mean(error**2) - NOISE_M**2, 0.0)))
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("name", FIRMWARES)
+def test_with_the_exported_parameters_the_flown_error_is_gone(tmp_path: Path, name: str) -> None:
+    firmware = FIRMWARES[name]
+    before = flown(firmware, {}, tmp_path, 3)
+    found = heights(before, "barometer")
+    assert isinstance(found, Heights)
+    rows = sensor_rows(diagnose_sensor([found]).model(), firmware.dialect)
+    known = firmware.kind.default_parameters
+    exported = {row.name: row.to_write for row in rows if row.to_write is not None and row.name in known}
+    after = flown(firmware, exported, tmp_path, 4)
+    assert height_error_m(before) > 0.1
+    assert height_error_m(after) < 0.03
+
+
+@pytest.mark.parametrize(
+    ("name", "switch", "coefficients"),
+    [
+        ("PX4", "EKF2_DRAG_CTRL", {"EKF2_PCOEF_XN": 0.2, "EKF2_PCOEF_YP": 0.1, "EKF2_PCOEF_Z": -0.3}),
+        ("ArduPilot", "BARO1_WCF_ENABLE", {"BARO1_WCF_BCK": 0.2, "BARO1_WCF_RGT": 0.1, "BARO1_WCF_UP": -0.3}),
+    ],
+)
+def test_each_coefficient_acts_to_its_side_and_only_while_it_is_switched_on(
+    name: str, switch: str, coefficients: dict[str, float]
+) -> None:
+    autopilot = FIRMWARES[name].kind(RAPTOR)
+    backward_right_down, forward_left = (-5.0, 3.0, 2.0), (5.0, -3.0, 0.0)
+    autopilot.parameters |= coefficients
+    autopilot.parameters[switch] = 0.0
+    assert autopilot.baro_correction_m(backward_right_down, backward_right_down) == 0.0
+    autopilot.parameters[switch] = 1.0
+    expected = (0.2 * 25.0 + 0.1 * 9.0 - 0.3 * 4.0) / (2.0 * 9.80665)
+    assert autopilot.baro_correction_m(backward_right_down, backward_right_down) == pytest.approx(expected)
+    assert autopilot.baro_correction_m(forward_left, forward_left) == 0.0

@@ -200,18 +200,20 @@ def diagnose_sensor(flights: Sequence[Heights]) -> SensorDiagnosis:
     noise = learned(_rows(flights, tried, _no_wind(flights)))
     _refuse_other_units(flights, tried, noise)
     tried = [_with_best_scale(error, tried, flights, noise) for error in tried]
-    kept, absent, rejected = list(tried), list[Named](), True
-    while rejected and kept:
-        fit = _fitted(flights, kept, noise)
-        named = [_named(flights, fit, kept, i) for i in range(len(kept))]
-        worst = max(range(len(kept)), key=lambda i: named[i].p)
-        rejected = named[worst].p > P or not _foretells(flights, kept, worst, noise)
-        if rejected:
-            absent.append(named[worst])
-            kept.pop(worst)
-    noise = learned(_rows(flights, kept, _no_wind(flights)))
-    fit = _fitted(flights, kept, noise, with_scales=True)
-    named = [_named(flights, fit, kept, i) for i in range(len(kept))]
+    kept, absent = list(tried), list[Named]()
+    named = _told(flights, kept, noise)
+    while kept and (i := _needless(flights, kept, named, noise)) is not None:
+        absent.append(named[i])
+        kept.pop(i)
+        named = _told(flights, kept, noise)
+    while True:  # with the noise beside what is kept, and the scales as unsure as they are
+        noise = learned(_rows(flights, kept, _no_wind(flights)))
+        named = _told(flights, kept, noise, with_scales=True)
+        worst = max(range(len(kept)), key=lambda i: named[i].p, default=None)
+        if worst is None or named[worst].p <= P:
+            break
+        absent.append(named[worst])
+        kept.pop(worst)
     matters = [one for one in named if one.largest_m > SMALL_M]
     return SensorDiagnosis(
         tuple(flights),
@@ -223,6 +225,21 @@ def diagnose_sensor(flights: Sequence[Heights]) -> SensorDiagnosis:
         _held_out(flights, [], noise),
         _held_out(flights, [one.error for one in matters], noise),
     )
+
+
+def _told(
+    flights: Sequence[Heights], errors: Sequence[SensorError], noise: Noise, with_scales: bool = False
+) -> list[Named]:
+    fit = _fitted(flights, errors, noise, with_scales)
+    return [_named(flights, fit, errors, i) for i in range(len(errors))]
+
+
+def _needless(
+    flights: Sequence[Heights], errors: Sequence[SensorError], named: Sequence[Named], noise: Noise
+) -> int | None:
+    """Number of the least sure error, if chance explains it or unseen parts are no likelier with it."""
+    worst = max(range(len(errors)), key=lambda i: named[i].p)
+    return worst if named[worst].p > P or not _foretells(flights, errors, worst, noise) else None
 
 
 Winds = tuple[tuple[float, float], ...]
