@@ -6,18 +6,21 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from quadctl.frames import GRAVITY_M_S2, quaternion_from_euler
+from quadctl.frames import quaternion_from_euler
 from quadctl.lab.arrays import Floats
 from quadctl.lab.rotation.parameters import Rotation, differences, fit_rotation
 from quadctl.lab.rotation.records import Delayed, Record, record_of
 from quadctl.lab.rotation.regression import change, changed, features, fit_ridge
 from quadctl.lab.rotation.rollout import (
     HORIZONS_S,
+    Disturbance,
     Driven,
     Physics,
+    State,
     Track,
     errors,
     fit_disturbances,
+    fit_forecasts,
     held,
     observe,
     roll_out,
@@ -32,7 +35,8 @@ TRAIN_EVERY, TEST_EVERY = 3, 5
 OBSERVED_S = 2.0
 """Time before the first window, in which the observer settles."""
 ABOVE_M = 0.5
-MODELS = ("held", "ridge", "physics", "physics + ridge")
+ESTIMATED, FORECAST, CORRECTED = "physics, as estimated", "physics, fitted to forecasts", "the same and ridge"
+MODELS = ("held", "ridge", ESTIMATED, FORECAST, CORRECTED)
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,76 +87,98 @@ class Fitted:
         axes = self.rotation.axes
         damping = [axes[name].values["damping_1_s"].value for name in ("roll", "pitch", "yaw")]
         inflow = self.rotation.thrust.inflow_1_s
+        drag = self.rotation.drag
+        slope = [axes[name].values["slope"].value for name in ("roll", "pitch", "yaw")]
         return Physics(
+            (slope[0], slope[1], slope[2]),
             (damping[0], damping[1], damping[2]),
             (axes["roll"].values["airspeed"].value, axes["pitch"].values["airspeed"].value),
+            self.rotation.thrust.value,
             (
-                self.rotation.drag["d_x"].values["drag_1_s"].value,
-                self.rotation.drag["d_y"].values["drag_1_s"].value,
+                drag["d_x"].values["drag_1_s"].value,
+                drag["d_y"].values["drag_1_s"].value,
                 inflow.value if inflow is not None else 0.0,
             ),
         )
 
     def driven(self, track: Track) -> Driven:
-        """What the commands of a flight do, by the fitted lag, delay and thrust map."""
-        relative, e = track.command / self.rotation.hover_drive, self.rotation.thrust.value
-        split = differences(relative, e, self.vehicle)
-        moments, late = [], []
-        for i, axis in enumerate(self.rotation.axes.values()):
-            v = axis.values
-            delay_s, lag_s = v["delay_s"].value, v["lag_s"].value
-            moments.append(v["slope"].value * Delayed(split[:, i], track.step_s).by(delay_s, lag_s))
-            late.append((delay_s, lag_s))
-        own = relative - 1.0
-        shares = 1.0 + e * own.mean(axis=1) + (e - 1.0) * (own**2).mean(axis=1)
-        thrust = GRAVITY_M_S2 * Delayed(shares, track.step_s).by(*np.mean(late[:2], axis=0))
-        return Driven(np.array(moments).T, thrust)
+        """Commands of a flight after the fitted delay and lag; those of the thrust are the mean of roll and pitch."""
+        relative = track.command / self.rotation.hover_drive
+        split = differences(relative, self.rotation.thrust.value, self.vehicle)
+        late = [(a.values["delay_s"].value, a.values["lag_s"].value) for a in self.rotation.axes.values()]
+        own, mean = relative - 1.0, np.mean(late[:2], axis=0)
+        return Driven(
+            np.stack([Delayed(split[:, i], track.step_s).by(*late[i]) for i in range(3)], axis=1),
+            Delayed(own.mean(axis=1), track.step_s).by(*mean),
+            Delayed((own**2).mean(axis=1), track.step_s).by(*mean),
+        )
 
 
-def judged(train: Sequence[Flight], test: Sequence[Flight], vehicle: Vehicle) -> dict[str, list[Floats]]:
-    """Mean errors of each model in each test flight, each of shape (horizons, 4)."""
+@dataclass(frozen=True, eq=False)
+class Judged:
+    """Errors of the models on test flights, and what was fitted to the training flights."""
+
+    rotation: Rotation
+    errors: dict[str, list[Floats]]
+    """Mean errors in each test flight, each of shape (horizons, 4), by the name of the model."""
+
+
+def judged(train: Sequence[Flight], test: Sequence[Flight], vehicle: Vehicle) -> Judged:
+    """Fit all models to the training flights, and compare their rollouts of the test flights with the record."""
     fitted = Fitted(fit_rotation([f.record for f in train], vehicle), vehicle)
-    physics = fitted.physics
-    driven = {f.track.name: fitted.driven(f.track) for f in [*train, *test]}
-    noise = fit_disturbances([f.track for f in train], [driven[f.track.name] for f in train], physics)
-    print(
-        physics,
-        noise,
-        {n: {k: round(v.value, 4) for k, v in a.values.items()} for n, a in fitted.rotation.axes.items()},
-    )
-    disturbed = {f.track.name: observe(f.track, driven[f.track.name], physics, noise) for f in [*train, *test]}
+    flights = [*((f, TRAIN_EVERY) for f in train), *((f, TEST_EVERY) for f in test)]
+    driven = {f.track.name: fitted.driven(f.track) for f, _ in flights}
+    known = [f.track for f in train], [driven[f.track.name] for f in train]
     steps = [round(h / STEP_S) for h in HORIZONS_S]
+    named = {ESTIMATED: (fitted.physics, fit_disturbances(*known, fitted.physics))}
+    named[FORECAST] = fit_forecasts(*known, fitted.physics)
+    rolled: dict[tuple[str, str], list[State]] = {}
+    observed: dict[str, tuple[Disturbance, Disturbance]] = {}
+    for f, every in flights:
+        name = f.track.name
+        for model, (physics, noise) in named.items():
+            seen = observe(f.track, driven[name], physics, noise)
+            rolled[model, name] = roll_out(f.track, driven[name], physics, seen, f.starts(every), steps)
+            observed[name] = seen
     found = {name: [np.zeros((len(steps), 4)) for _ in test] for name in MODELS}
-    rolled = {}
-    for f, every in [*((f, TRAIN_EVERY) for f in train), *((f, TEST_EVERY) for f in test)]:
-        rows, name = f.starts(every), f.track.name
-        rolled[name] = roll_out(f.track, driven[name], physics, disturbed[name], rows, steps)
     for h, k in enumerate(steps):
-        time_s = k * STEP_S
-
-        def inputs(f: Flight, every: int, k: int = k, h: int = h, time_s: float = time_s) -> tuple[Floats, ...]:
-            rows, name = f.starts(every), f.track.name
-            start = state_at(f.track, rows)
-            plain = features(f.track, rows, k)
-            guess = change(start, rolled[name][h], time_s)
-            moment, force = disturbed[name]
-            seen = [d.slow[rows] for d in (moment, force)]
-            true = change(start, state_at(f.track, rows + k), time_s)
-            return plain, true, np.hstack([plain, guess, *seen]), true - guess, guess
-
-        known = [inputs(f, TRAIN_EVERY) for f in train]
-        plain = fit_ridge([k[0] for k in known], [k[1] for k in known])
-        residual = fit_ridge([k[2] for k in known], [k[3] for k in known])
+        windows = {
+            f.track.name: _windows(f, every, k, rolled[FORECAST, f.track.name][h], observed) for f, every in flights
+        }
+        known_windows = [windows[f.track.name] for f in train]
+        plain = fit_ridge([w.plain for w in known_windows], [w.change for w in known_windows])
+        residual = fit_ridge([w.informed for w in known_windows], [w.change - w.guess for w in known_windows])
         for i, f in enumerate(test):
-            rows = f.starts(TEST_EVERY)
-            start = state_at(f.track, rows)
-            x, _, more, _, guess = inputs(f, TEST_EVERY)
+            w, rows, time_s = windows[f.track.name], f.starts(TEST_EVERY), k * STEP_S
             states = {
                 "held": held(f.track, rows, k),
-                "ridge": changed(start, plain.predict(x), time_s),
-                "physics": rolled[f.track.name][h],
-                "physics + ridge": changed(start, guess + residual.predict(more), time_s),
+                "ridge": changed(w.start, plain.predict(w.plain), time_s),
+                **{model: rolled[model, f.track.name][h] for model in named},
+                CORRECTED: changed(w.start, w.guess + residual.predict(w.informed), time_s),
             }
             for name, state in states.items():
                 found[name][i][h] = errors(state, f.track, rows + k).mean(axis=0)
-    return found
+    return Judged(fitted.rotation, found)
+
+
+@dataclass(frozen=True, eq=False)
+class _Windows:
+    """Windows of one flight and horizon, as the regressions see them."""
+
+    start: State
+    plain: Floats
+    informed: Floats
+    """What a correction of the physics knows: also the forecast and the observed disturbances."""
+    change: Floats
+    guess: Floats
+
+
+def _windows(
+    f: Flight, every: int, steps: int, forecast: State, observed: dict[str, tuple[Disturbance, Disturbance]]
+) -> _Windows:
+    rows = f.starts(every)
+    start, plain = state_at(f.track, rows), features(f.track, rows, steps)
+    guess = change(start, forecast, steps * STEP_S)
+    seen = [d.slow[rows] for d in observed[f.track.name]]
+    true = change(start, state_at(f.track, rows + steps), steps * STEP_S)
+    return _Windows(start, plain, np.hstack([plain, guess, *seen]), true, guess)

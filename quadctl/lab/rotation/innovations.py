@@ -10,6 +10,7 @@ projection, Golub & Pereyra 1973).
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -47,9 +48,8 @@ class Value:
     low: float
     high: float
 
-    def scaled(self, factor: float) -> "Value":
-        low, high = sorted((factor * self.low, factor * self.high))
-        return Value(factor * self.value, low, high)
+    def to_dict(self) -> dict[str, Any]:
+        return {"value": self.value, "ci95": [self.low, self.high]}
 
 
 @dataclass(frozen=True, eq=False)
@@ -161,12 +161,13 @@ def estimate(
 
     def errors_at(x: Floats) -> Floats:
         wanted, design = _stacked(regress(x))
-        return np.asarray(wanted - design @ _solved(design, wanted))
+        return np.asarray(wanted - design @ solved(design, wanted))
 
-    found = least_squares(errors_at, start, bounds=bounds, x_scale=scale, diff_step=1e-4, ftol=1e-7)
+    steps = np.full(len(start), 1e-4)
+    found = least_squares(errors_at, start, bounds=bounds, x_scale=scale, diff_step=steps, ftol=1e-7)
     flights = regress(found.x)
     wanted, design = _stacked(flights)
-    linear = _solved(design, wanted)
+    linear = solved(design, wanted)
     errors = wanted - design @ linear
     full = np.column_stack([*(_slope(regress, found.x, i, linear) for i in range(len(start))), design])
     block = _blocks([len(f.wanted) for f in flights], block_rows)
@@ -199,7 +200,7 @@ def _stacked(flights: Sequence[Regression]) -> tuple[Floats, Floats]:
     return joined[:, 0], joined[:, 1:]
 
 
-def _solved(design: Floats, wanted: Floats) -> Floats:
+def solved(design: Floats, wanted: Floats) -> Floats:
     """Least squares, shape (p,), of columns of any size."""
     size = np.maximum(np.linalg.norm(design, axis=0), 1e-300)
     unit = design / size

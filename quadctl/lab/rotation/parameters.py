@@ -12,6 +12,7 @@ accelerometer e.
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -33,6 +34,8 @@ from quadctl.vehicle import Vehicle
 
 AXES = ("roll", "pitch", "yaw")
 YAW = 2
+DRAG_STEP_S = 0.04
+"""Drag answers a velocity, which changes within tenths of seconds."""
 SETTLED_S = 1.5
 """Time until the filter's start is forgotten."""
 LOW_NOISE, HIGH_NOISE = np.array([-5.0, -1.5, -7.0, -9.0]), np.array([-1.5, 3.0, 3.0, 5.0])
@@ -107,14 +110,25 @@ class ThrustMap:
     """Loss of thrust over climb rate, over the mass."""
 
 
-def fit_thrust_map(records: Sequence[Record], lag_s: float) -> ThrustMap:
-    """Elasticity of the thrust of all rotors, with the voltage where that predicts the accelerometer better."""
+def fit_thrust_map(records: Sequence[Record], lag: Value) -> ThrustMap:
+    """Elasticity of the thrust of all rotors, with the voltage where that predicts the accelerometer better.
+
+    Its interval holds what the interval of the rotors' lag, which the gyro tells, adds.
+    """
+    if all(r.measured for r in records):
+        return ThrustMap(1.0, False, Value(1.0, 1.0, 1.0))
     if any(r.force is None for r in records):
         return ThrustMap(1.0, False, None)
     options = [False, *([True] if all(r.voltage is not None for r in records) else [])]
-    fits = [(_elasticity(records, lag_s, by_voltage), by_voltage) for by_voltage in options]
+    fits = [(_elasticity(records, lag.value, by_voltage), by_voltage) for by_voltage in options]
     found, by_voltage = min(fits, key=lambda fit: fit[0].innovation)
     value = found.values["elasticity"]
+    late, early = (
+        abs(_elasticity(records, max(lag_s, 1e-3), by_voltage).values["elasticity"].value - value.value)
+        for lag_s in (lag.high, lag.low)
+    )
+    half = float(np.hypot((value.high - value.low) / 2.0, max(late, early)))
+    value = Value(value.value, value.value - half, value.value + half)
     trusted = found.white and 0.3 < value.low < value.high < 3.5
     return ThrustMap(
         value.value if trusted else 1.0, by_voltage, value if trusted else None, found.values.get("inflow_1_s")
@@ -151,8 +165,16 @@ def _elasticity(records: Sequence[Record], lag_s: float, by_voltage: bool) -> Es
 
 
 def fit_drag(records: Sequence[Record], axis: int) -> Estimated:
-    """Drag along body x (0) or y (1), 1/s, from the accelerometer: f = -d u + bias + slow force."""
-    flights = [(r.force[:, axis], r.airspeed[:, axis], r.step_s) for r in records if has_drag(r)]  # type: ignore[index]
+    """Drag along body x (0) or y (1), 1/s, from the accelerometer: f = -d u + bias + slow force.
+
+    Both are averaged over `DRAG_STEP_S`: the filter of a slow force raises what is quick, of a velocity its noise, which
+    weakens the drag.
+    """
+    flights = []
+    for r in records:
+        assert r.force is not None and r.airspeed is not None
+        rows = max(round(DRAG_STEP_S / r.step_s), 1)
+        flights.append((_means(r.force[:, axis], rows), _means(r.airspeed[:, axis], rows), rows * r.step_s))
 
     def regress(x: Floats) -> list[Regression]:
         made = []
@@ -162,8 +184,14 @@ def fit_drag(records: Sequence[Record], axis: int) -> Estimated:
             made.append(Regression(white[0], white[1:2].T, white[2:].T))
         return made
 
-    start, rows = np.array([-3.3, 0.7, -0.5, -1.0]), round(BLOCK_S / flights[0][2])
+    start, rows = np.array([-2.5, 0.7, 0.5, -1.0]), round(BLOCK_S / flights[0][2])
     return estimate(regress, start, (LOW_NOISE, HIGH_NOISE), np.ones(4), NOISE_NAMES, ["drag_1_s"], rows)
+
+
+def _means(signal: Floats, rows: int) -> Floats:
+    """Means of `rows` samples each."""
+    whole = len(signal) // rows * rows
+    return np.asarray(signal[:whole].reshape(-1, rows).mean(axis=1))
 
 
 def has_drag(record: Record) -> bool:
@@ -180,6 +208,7 @@ def hover_command(records: Sequence[Record], by_voltage: bool) -> float:
 class Rotation:
     """What flights tell of a vehicle's rotation and thrust."""
 
+    names: tuple[str, ...]
     axes: dict[str, Estimated]
     thrust: ThrustMap
     hover: float
@@ -199,18 +228,45 @@ class Rotation:
         for name, axis in self.axes.items():
             slope = axis.values["slope"]
             value = slope.value / e.value
-            half = value * np.hypot((slope.high - slope.low) / slope.value, (e.high - e.low) / e.value) / 2.0
-            found[name] = Value(value, value - half, value + half)
+            half = abs(value) * np.hypot((slope.high - slope.low) / slope.value, (e.high - e.low) / e.value) / 2.0
+            found[name] = Value(value, value - float(half), value + float(half))
         return found
+
+    def told(self, axis: str) -> dict[str, Value]:
+        """Parameters of an axis whose intervals can be trusted: none where its innovations are not white, no slope and
+        no lag that may be 0."""
+        fit = self.axes[axis]
+        if not fit.white or fit.values["slope"].low <= 0.0:
+            return {}
+        shown = {"slope": fit.values["slope"]}
+        if axis in self.gain:
+            shown["gain"] = self.gain[axis]
+        shown |= {name: fit.values[name] for name in ("damping_1_s", "airspeed") if name in fit.values}
+        lag = fit.values["lag_s"]
+        return shown | ({"lag_s": lag} if lag.low > 0.0 else {})
+
+    def to_dict(self) -> dict[str, Any]:
+        thrust = {"elasticity": self.thrust.found, "inflow_1_s": self.thrust.inflow_1_s if self.thrust.found else None}
+        return {
+            "flights": list(self.names),
+            "axes": {name: {k: v.to_dict() for k, v in self.told(name).items()} for name in self.axes},
+            "correlation_of_innovations": {name: fit.correlation for name, fit in self.axes.items()},
+            "thrust": {name: value.to_dict() for name, value in thrust.items() if value is not None}
+            | {"by_voltage": self.thrust.by_voltage},
+            "drag": {name: fit.values["drag_1_s"].to_dict() for name, fit in self.drag.items() if fit.white},
+            "hover_command": self.hover_drive,
+            "share_of_rotors": [float(s) for s in self.share],
+        }
 
 
 def fit_rotation(records: Sequence[Record], vehicle: Vehicle) -> Rotation:
     """Estimate rotation, thrust map and drag from these flights; the map first with the lag that the gyro shows."""
     first = ThrustMap(1.0, False, None)
     rough = fit_axis(records, vehicle, 0, hover_command(records, False), first)
-    thrust = fit_thrust_map(records, rough.values["lag_s"].value)
+    thrust = fit_thrust_map(records, rough.values["lag_s"])
     hover = hover_command(records, thrust.by_voltage)
     axes = {name: fit_axis(records, vehicle, i, hover, thrust) for i, name in enumerate(AXES)}
     drag = {f"d_{'xy'[i]}": fit_drag(records, i) for i in (0, 1)} if all(map(has_drag, records)) else {}
-    mean = np.mean([r.command(thrust.by_voltage).mean(axis=0) for r in records], axis=0)
-    return Rotation(axes, thrust, hover, hover_command(records, False), drag, mean / mean.mean())
+    mean = np.mean([r.drive.mean(axis=0) for r in records], axis=0)
+    names = tuple(r.name for r in records)
+    return Rotation(names, axes, thrust, hover, hover_command(records, False), drag, mean / mean.mean())

@@ -37,6 +37,8 @@ class Record:
     """Battery voltage, V, shape (n,)."""
     force: Floats | None
     """Specific force, FRD, m/s^2, shape (n, 3)."""
+    measured: bool
+    """True where `drive` is of measured speeds, in proportion to the thrust."""
     airspeed: Floats | None
     """Velocity over ground in body axes, FRD, m/s, shape (n, 3); the wind is part of the slow disturbance."""
 
@@ -56,10 +58,8 @@ def record_of(log: FlightLog, n_rotors: int, span_s: tuple[float, float] | None 
     drive = next((c for c in (rpm_columns(n_rotors), motor_columns(n_rotors, "output")) if all(map(log.has, c))), None)
     if drive is None or not all(map(log.has, RATES)):
         raise LogError(f"{log.name}: has no body rates or no rotor outputs, expected both to learn how it rotates")
-    rows = log.updates(*RATES)
-    rate_hz = 1.0 / float(np.median(np.diff(log.time_s[rows])))
-    if rate_hz < LEAST_HZ:
-        raise LogError(f"{log.name}: body rates come at {rate_hz:.0f} Hz, expected at least {LEAST_HZ:.0f}")
+    rate_hz = _rate_hz(log, RATES, "body rates")
+    _rate_hz(log, drive, "rotor outputs")
     begin, end = span_s if span_s is not None else _flying(log, drive)
     step_s = 1.0 / min(rate_hz, MOST_HZ)
     if end - begin < LEAST_S:
@@ -84,8 +84,18 @@ def record_of(log: FlightLog, n_rotors: int, span_s: tuple[float, float] | None 
         1e-6 * turned**2 if drive[0].endswith("rpm") else turned,
         on_clock(["battery_v"])[:, 0] if log.has("battery_v") else None,
         on_clock(IMU) if all(map(log.has, IMU)) else None,
+        drive[0].endswith("rpm"),
         airspeed,
     )
+
+
+def _rate_hz(log: FlightLog, names: Sequence[str], called: str) -> float:
+    """Median rate at which a channel is updated; refuses one that is too slow."""
+    rows = log.updates(*names)
+    rate_hz = 1.0 / float(np.median(np.diff(log.time_s[rows]))) if len(rows) > 1 else 0.0
+    if rate_hz < LEAST_HZ:
+        raise LogError(f"{log.name}: its {called} come at {rate_hz:.0f} Hz, expected at least {LEAST_HZ:.0f}")
+    return rate_hz
 
 
 def _flying(log: FlightLog, drive: Sequence[str]) -> tuple[float, float]:

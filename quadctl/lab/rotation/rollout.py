@@ -11,10 +11,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
+from scipy.signal import lfilter
 
 from quadctl.frames import GRAVITY_M_S2, multiply, rotate
 from quadctl.lab.arrays import Floats
-from quadctl.lab.rotation.innovations import Noise, SteadyFilter, first_order, noise_of
+from quadctl.lab.rotation.innovations import Noise, SteadyFilter, first_order, noise_of, solved
 
 HORIZONS_S = (0.01, 0.1, 0.5, 2.0)
 QUANTITIES = ("position_m", "velocity_m_s", "rotation_rad", "rates_rad_s")
@@ -40,31 +41,35 @@ class Track:
 
 @dataclass(frozen=True, eq=False)
 class Driven:
-    """What the commands alone do along a flight: the angular acceleration, rad/s^2, FRD, shape (n, 3), and the thrust,
-    m/s^2, shape (n,)."""
+    """Commands of a flight after delay and lag: differences about the body axes, shape (n, 3), and the mean of all
+    rotors beyond hover and that of its square, each of shape (n,)."""
 
-    moment: Floats
-    thrust: Floats
+    differences: Floats
+    mean: Floats
+    square: Floats
 
 
 @dataclass(frozen=True)
 class Physics:
-    """Parameters of the named physics, beside what drives it."""
+    """Parameters of the named physics."""
 
+    slope: tuple[float, float, float]
+    """Angular acceleration about the body axes per difference of the commands, rad/s^2."""
     damping_1_s: tuple[float, float, float]
     airspeed: tuple[float, float]
     """Angular acceleration about roll per airspeed right, and about pitch per airspeed forward, rad/s^2 per m/s."""
+    elasticity: float
     drag_1_s: tuple[float, float, float]
 
-    def angular(self, moment: Floats, rates: Floats, body: Floats) -> Floats:
+    def angular(self, difference: Floats, rates: Floats, body: Floats) -> Floats:
         """Angular acceleration, rad/s^2, shape (n, 3), at these rates and body velocities."""
         by_air = np.stack([self.airspeed[0] * body[:, 1], self.airspeed[1] * body[:, 0], 0.0 * body[:, 0]], axis=1)
-        return np.asarray(moment + by_air - np.array(self.damping_1_s) * rates)
+        return np.asarray(np.array(self.slope) * difference + by_air - np.array(self.damping_1_s) * rates)
 
-    def specific(self, thrust: Floats, body: Floats) -> Floats:
+    def specific(self, mean: Floats, square: Floats, body: Floats) -> Floats:
         """Specific force in body axes, m/s^2, shape (n, 3)."""
         force = -np.array(self.drag_1_s) * body
-        force[:, 2] -= thrust
+        force[:, 2] -= GRAVITY_M_S2 * (1.0 + self.elasticity * mean + (self.elasticity - 1.0) * square)
         return force
 
 
@@ -114,11 +119,11 @@ def _unexplained(track: Track, driven: Driven, physics: Physics) -> tuple[Floats
     of the rates damps itself, what is left of the velocity does not."""
     body = turned_back(track.attitude, track.velocity)
     damping = np.array(physics.damping_1_s)
-    forcing = physics.angular(driven.moment, 0.0 * track.rates, body)
+    forcing = physics.angular(driven.differences, 0.0 * track.rates, body)
     rates = [
         track.rates[:, i] - track.rates[0, i] - first_order(forcing[:, i], damping[i], track.step_s) for i in range(3)
     ]
-    force = turned(track.attitude, physics.specific(driven.thrust, body))
+    force = turned(track.attitude, physics.specific(driven.mean, driven.square, body))
     force[:, 2] += GRAVITY_M_S2
     velocity = track.velocity - track.velocity[0] - first_order(force.T, 0.0, track.step_s).T
     return np.array(rates), velocity.T
@@ -157,25 +162,104 @@ class Disturbances:
 
 
 START = np.array([-3.3, 0.9, 0.5, -4.0])
-LOWEST, HIGHEST = np.array([-5.0, -0.5, -5.0, -11.0]), np.array([-1.0, 2.5, 4.0, 3.0])
+LOWEST, HIGHEST = np.array([-5.0, -1.5, -7.0, -11.0]), np.array([-1.0, 3.5, 4.0, 5.0])
+AHEAD_S = (0.1, 0.25, 0.5)
+"""Horizons whose forecasts the observer's noise is fitted to: one that is fitted to the next sample follows quick
+disturbances, which are gone half a second later."""
 
 
 def fit_disturbances(tracks: Sequence[Track], driven: Sequence[Driven], physics: Physics) -> Disturbances:
-    """Noise that predicts the next sample of these flights best, without a bias: an observer has none at its start."""
+    """Noise by which the past forecasts these flights best, without a bias: an observer has none at its start."""
     left = [_unexplained(t, d, physics) for t, d in zip(tracks, driven, strict=True)]
-    steps = [t.step_s for t in tracks]
+    step_s = tracks[0].step_s
+    moment = [_fitted([rates[i] for rates, _ in left], [], c, step_s)[1] for i, c in enumerate(physics.damping_1_s)]
+    force = [_fitted([velocity[i] for _, velocity in left], [], 0.0, step_s)[1] for i in range(3)]
+    return Disturbances(tuple(moment), tuple(force))
 
-    def fitted(part: int, axis: int, damping: float) -> Noise:
-        def errors(x: Floats) -> Floats:
-            noise = noise_of(x)
-            return np.concatenate(
-                [noise.of_rate(damping, s).whitened(pair[part][axis]) for pair, s in zip(left, steps, strict=True)]
-            )
 
-        return noise_of(least_squares(errors, START, bounds=(LOWEST, HIGHEST), diff_step=1e-4, ftol=1e-6).x)
+def fit_forecasts(tracks: Sequence[Track], driven: Sequence[Driven], physics: Physics) -> tuple[Physics, Disturbances]:
+    """Physics and noise that forecast these flights best from their past and from the commands to come.
 
-    moment = tuple(fitted(0, axis, physics.damping_1_s[axis]) for axis in range(3))
-    return Disturbances(moment, tuple(fitted(1, axis, 0.0) for axis in range(3)))
+    In closed loop they are no properties of the vehicle: part of what the commands do answers disturbances that a
+    forecast does not know, so its slopes are smaller and its damping larger than the vehicle's.
+    """
+    step_s, slopes, dampings, airspeeds, moment = tracks[0].step_s, [], [], [], []
+    bodies = [turned_back(t.attitude, t.velocity) for t in tracks]
+    for i, damping in enumerate(physics.damping_1_s):
+        inputs = [
+            np.array([d.differences[:, i], *([body[:, 1 - i]] if i < len(physics.airspeed) else [])])
+            for d, body in zip(driven, bodies, strict=True)
+        ]
+        found, noise, weights = _fitted([t.rates[:, i] for t in tracks], inputs, damping, step_s, free=True)
+        slopes.append(float(weights[0]))
+        airspeeds += [float(w) for w in weights[1:]]
+        dampings.append(found)
+        moment.append(noise)
+    down, lift = [], []
+    for t, d, body in zip(tracks, driven, bodies, strict=True):
+        axis = turned(t.attitude, np.repeat([[0.0, 0.0, -1.0]], len(body), axis=0))[:, 2]
+        drag = turned(t.attitude, -np.array(physics.drag_1_s) * body * np.array([1.0, 1.0, 0.0]))[:, 2]
+        known = GRAVITY_M_S2 * (1.0 + axis * (1.0 - d.square)) + drag
+        down.append(t.velocity[:, 2] - first_order(known, 0.0, step_s))
+        lift.append(np.array([GRAVITY_M_S2 * axis * (d.mean + d.square), axis * body[:, 2]]))
+    _, _, (elasticity, inflow) = _fitted(down, lift, 0.0, step_s)
+    drag_1_s = (*physics.drag_1_s[:2], float(inflow))
+    fitted = Physics(
+        (slopes[0], slopes[1], slopes[2]),
+        (dampings[0], dampings[1], dampings[2]),
+        (airspeeds[0], airspeeds[1]),
+        float(elasticity),
+        drag_1_s,
+    )
+    return fitted, Disturbances(tuple(moment), fit_disturbances(tracks, driven, fitted).force)
+
+
+def _fitted(
+    signals: Sequence[Floats], inputs: Sequence[Floats], damping_1_s: float, step_s: float, *, free: bool = False
+) -> tuple[float, Noise, Floats]:
+    """Damping (fitted where it is `free`), noise and weights of the inputs, each of shape (p, n), that forecast signals
+    of shape (n,) best."""
+
+    def parts(x: Floats) -> tuple[Floats, Floats]:
+        damping = float(x[4]) if free else damping_1_s
+        steady = noise_of(x[:4]).of_rate(damping, step_s)
+        rows = []
+        for i, signal in enumerate(signals):
+            columns = [signal - signal[0]]
+            if inputs:
+                columns += list(first_order(inputs[i], damping, step_s))
+            rows.append(np.stack([_forecast_errors(column, steady, step_s) for column in columns], axis=1))
+        joined = np.concatenate(rows)
+        return joined[:, 0], joined[:, 1:]
+
+    def errors(x: Floats) -> Floats:
+        wanted, design = parts(x)
+        return wanted - design @ solved(design, wanted) if inputs else wanted
+
+    start = np.array([*START, damping_1_s]) if free else START
+    bounds = (np.array([*LOWEST, -5.0]), np.array([*HIGHEST, 40.0])) if free else (LOWEST, HIGHEST)
+    x = least_squares(errors, start, bounds=bounds, diff_step=np.full(len(start), 1e-3), ftol=1e-5).x
+    wanted, design = parts(x)
+    weights = solved(design, wanted) if inputs else np.zeros(0)
+    return float(x[4]) if free else damping_1_s, noise_of(x[:4]), weights
+
+
+def _forecast_errors(signal: Floats, steady: SteadyFilter, step_s: float) -> Floats:
+    """Errors of the forecasts over `AHEAD_S`, and of their integrals over twice the horizon's mean, each over its
+    horizon, joined: a rate that is forecast turns an attitude, and a velocity moves a place."""
+    innovations = steady.whitened(signal)
+    found = []
+    # A forecast's error is the sum of the innovations until then, each with what it does to the signal by then.
+    reach = round(max(AHEAD_S) / step_s)
+    answers, power = [1.0], steady.gain
+    for _ in range(reach - 1):
+        answers.append(float(power[0]))
+        power = steady.transition @ power
+    for ahead_s in AHEAD_S:
+        reached = round(ahead_s / step_s)
+        both = (np.array(answers[:reached]), 2.0 * step_s / ahead_s * np.cumsum(answers[:reached]))
+        found += [lfilter(weights, [1.0], innovations)[reached:] / ahead_s for weights in both]
+    return np.concatenate(found)
 
 
 @dataclass(frozen=True, eq=False)
@@ -246,9 +330,11 @@ def _slopes(
 ) -> tuple[Floats, Floats]:
     """Acceleration, NED, and angular acceleration, FRD, `k` steps after the start."""
     body, after_s = turned_back(s.attitude, s.velocity), k * track.step_s
-    linear = turned(s.attitude, physics.specific(driven.thrust[rows + k], body)) + force.later(rows, after_s)
+    linear = turned(s.attitude, physics.specific(driven.mean[rows + k], driven.square[rows + k], body)) + force.later(
+        rows, after_s
+    )
     linear[:, 2] += GRAVITY_M_S2
-    return linear, physics.angular(driven.moment[rows + k], s.rates, body) + moment.later(rows, after_s)
+    return linear, physics.angular(driven.differences[rows + k], s.rates, body) + moment.later(rows, after_s)
 
 
 def _moved(s: State, before: tuple[Floats, Floats], after: tuple[Floats, Floats], h: float) -> State:

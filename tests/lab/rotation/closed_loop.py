@@ -26,8 +26,10 @@ VEHICLE = Vehicle(
     ),
     throttle=ThrottleCurve(per_newton=0.055, offset=0.0, max_thrust_per_rotor_n=4.6),
 )
-STEP_S, CONTROL_EVERY, LOG_EVERY = 0.002, 2, 4
+STEP_S, CONTROL_EVERY, LOG_EVERY = 0.002, 1, 2
 DELAY_STEPS = 10
+GYRO_RAD_S = 0.004
+"""Noise of the gyro at 500 Hz: 0.014 deg/s per square root of a hertz, as the data sheet of the Bosch BMI088 says."""
 LOW_PASS = 1.0 - np.exp(-2.0 * np.pi * 30.0 * STEP_S * CONTROL_EVERY)
 """Filter of the gyro before the controller, 30 Hz, as autopilots have one; without it a log's commands are aliased."""
 
@@ -41,7 +43,7 @@ class Truth:
     damping_1_s: float = 2.6
     drag_1_s: tuple[float, float] = (0.33, 0.46)
     airspeed: float = 3.5
-    """Angular acceleration about pitch per airspeed forward, and about roll per airspeed to the left, rad/s^2 per m/s."""
+    """Angular acceleration about pitch per airspeed forward, and about roll per airspeed left, rad/s^2 per m/s."""
     bend: float = 0.55
     """Share of the square in the thrust map T = T_full ((1 - bend) u + bend u^2)."""
     full_n: float = 4.6
@@ -57,12 +59,12 @@ def flights(truth: Truth, seeds: int, seconds: float, first: int = 0) -> list[Re
     random = [np.random.default_rng(first + s) for s in range(seeds)]
     n = round(seconds / STEP_S)
     # Drawn for each flight apart, so that a flight does not depend on how many are flown.
-    drawn = np.stack([r.standard_normal((n, 13)) for r in random], axis=2)
+    drawn = np.stack([r.standard_normal((n, 19)) for r in random], axis=2)
     phase = np.array([r.uniform(0.0, 2.0 * np.pi, 3) for r in random]).T
     return _flown(truth, drawn, phase)
 
 
-def _flown(truth: Truth, drawn: Floats, phase: Floats) -> list[Record]:
+def _flown(truth: Truth, drawn: Floats, phase: Floats) -> list[Record]:  # noqa: PLR0915
     n, _, seeds = drawn.shape
     share, inertia = np.array(truth.rotor_share)[:, None], np.array(truth.inertia)[:, None]
     arms = np.array(VEHICLE.moment_arms_m).T
@@ -84,7 +86,7 @@ def _flown(truth: Truth, drawn: Floats, phase: Floats) -> list[Record]:
         body = np.array(rotate_inverse(tuple(q), tuple(velocity)))
         air = body - np.array(rotate_inverse(tuple(q), tuple(wind + gust)))
         if k % CONTROL_EVERY == 0:
-            measured += LOW_PASS * (rates + 0.01 * white[6:9] - measured)
+            measured += LOW_PASS * (rates + GYRO_RAD_S * white[6:9] - measured)
             wanted, slope = _reference(t, phase)
             error = wanted - position
             place_integral += STEP_S * CONTROL_EVERY * error
@@ -101,9 +103,9 @@ def _flown(truth: Truth, drawn: Floats, phase: Floats) -> list[Record]:
         thrust = thrust + (1.0 - np.exp(-STEP_S / truth.lag_s)) * (steady - thrust)
         force = np.array([-truth.drag_1_s[0] * air[0], -truth.drag_1_s[1] * air[1], -thrust.sum(0) / 0.9])
         if k % LOG_EVERY == 0:
-            seen = rates + 0.01 * white[6:9]
-            noise = np.array([[0.08], [0.08], [0.2]]) * white[[0, 4, 8]]
-            logged.append((seen, waiting[-1], force + noise + 0.05, body + 0.005 * white[[2, 5, 7]]))
+            seen = rates + GYRO_RAD_S * white[6:9]
+            noise = np.array([[0.08], [0.08], [0.2]]) * white[13:16]
+            logged.append((seen, waiting[-1], force + noise + 0.05, body + 0.005 * white[16:19]))
         torque = arms @ thrust / inertia + np.array([-truth.airspeed * air[1], truth.airspeed * air[0], 0.0 * air[0]])
         angular = torque + moment - truth.damping_1_s * rates
         angular -= np.cross(rates.T, (inertia * rates).T).T / inertia
@@ -117,7 +119,7 @@ def _flown(truth: Truth, drawn: Floats, phase: Floats) -> list[Record]:
     made = []
     for s in range(seeds):
         seen, drive, force, airspeed = (c[:, :, s] for c in columns)
-        made.append(Record(f"flight {s}", STEP_S * LOG_EVERY, seen, drive, None, force, airspeed))
+        made.append(Record(f"flight {s}", STEP_S * LOG_EVERY, seen, drive, None, force, False, airspeed))
     return made
 
 

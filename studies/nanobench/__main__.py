@@ -1,0 +1,133 @@
+"""Write docs/benchmarks-public.md: `python -m studies.nanobench FOLDER`, or `make nanobench`."""
+
+import argparse
+import time
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from quadctl.lab.arrays import Floats
+from quadctl.lab.rotation.innovations import Value
+from quadctl.lab.rotation.parameters import Rotation, fit_rotation
+from quadctl.lab.rotation.rollout import HORIZONS_S
+from quadctl.logs.consistency import complaints
+from quadctl.logs.record.copies import without_copies
+from quadctl.logs.table import read_by_map
+from quadctl.vehicle import load_vehicle
+from studies.page import DOCS, ROOT, table, wrapped, write_page
+
+from .rollouts import CORRECTED, ESTIMATED, FORECAST, MODELS, Flight, flight_of, judged
+
+PAGE = DOCS / "benchmarks-public.md"
+FOLDS = 4
+FAMILIES = (("B2", "B6", "B7"), ("B3",), ("B5", "B8"), ("B9",))
+"""Shapes of trajectory that are left out together."""
+TOLD_S = 0.5
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description="Roll out the flights of NanoBench, and write the page.")
+    parser.add_argument("folder", type=Path)
+    parser.add_argument("--page", type=Path, default=PAGE)
+    arguments = parser.parse_args()
+    begin = time.monotonic()
+    vehicle = load_vehicle(arguments.folder / "crazyflie21.yaml")
+    logs = [read_by_map(p, ROOT / "config" / "maps" / "nanobench.yaml") for p in sorted(arguments.folder.glob("*.csv"))]
+    flights = [flight_of(log, log.name.split("_")[0]) for log in without_copies(logs) if not complaints(log)]
+    rotation = fit_rotation([f.record for f in flights], vehicle)
+
+    def errors(test_of: Callable[[int, Flight], int], parts: int) -> dict[str, list[Floats]]:
+        found: dict[str, list[Floats]] = {name: [] for name in MODELS}
+        for part in range(parts):
+            test = [f for i, f in enumerate(flights) if test_of(i, f) == part]
+            train = [f for i, f in enumerate(flights) if test_of(i, f) != part]
+            result = judged(train, test, vehicle)
+            for name, values in result.errors.items():
+                found[name] += values
+            so_far = {name: np.round(np.mean(values, axis=0)[2], 3) for name, values in found.items()}
+            print(f"part {part + 1} of {parts}", so_far, flush=True)
+        return found
+
+    repeated = errors(lambda i, f: i % FOLDS, FOLDS)
+    unseen = errors(lambda i, f: next(n for n, family in enumerate(FAMILIES) if f.shape in family), len(FAMILIES))
+    text = _page(len(logs), len(flights), rotation, repeated, unseen, time.monotonic() - begin)
+    write_page(arguments.page, text)
+
+
+def _page(
+    n_logs: int,
+    n_flights: int,
+    rotation: Rotation,
+    repeated: dict[str, list[Floats]],
+    unseen: dict[str, list[Floats]],
+    seconds: float,
+) -> str:
+    intro = f"""Written by `make nanobench` in {seconds / 60.0:.0f} minutes. {n_flights} of {n_logs} flights of a Crazyflie
+    2.1 of NanoBench (Ullah & Baca 2026, arXiv 2603.09908): copies and corrupt ones are left out. From many instants the
+    whole state is rolled out with the commands that were sent (windows every 50 ms, mean errors, mean of the flights
+    with their 95 % interval over flights). No fit saw the flights that are judged."""
+    kinds = f"""- **held**: velocity and body rates stay as they are.
+
+    - **ridge**: regression for each horizon on the state, its past 0.3 s and the commands until the
+    horizon; it names no cause.
+
+    - **{ESTIMATED}**: thrust map, drag, moments, lag and delay as below, with an observer of the slow force and the
+    slow moment. What a simulator may use.
+
+    - **{FORECAST}**: the same form, its slopes, damping and observer fitted to the forecasts. Of these flights only:
+    part of what the commands do answers disturbances that a forecast cannot know.
+
+    - **{CORRECTED}**: with a ridge regression of what it leaves."""
+    kinds = "- " + "\n- ".join(" ".join(k.split()).removeprefix("- ") for k in kinds.split("\n\n"))
+    parameters = """95 % intervals by the prediction-error method, which is right in closed loop as far as its model of
+    the noise is ([statistics](statistics.md)). The gain per weight of thrust difference is the slope by the command
+    over the elasticity of the thrust: what the accelerometer tells of the elasticity limits it. A voltage
+    that sags with the thrust is part of that elasticity, as all four rotors share it."""
+    return "\n\n".join(
+        [
+            "# Public benchmarks",
+            wrapped(intro),
+            wrapped(kinds),
+            f"## Errors after {TOLD_S:g} s",
+            "Repetitions: a quarter of the flights is left out in turn.",
+            _errors(repeated, HORIZONS_S.index(TOLD_S)),
+            "Unseen shapes: all flights of a shape are left out ("
+            + ", ".join("+".join(family) for family in FAMILIES)
+            + ").",
+            _errors(unseen, HORIZONS_S.index(TOLD_S)),
+            "## Errors at other horizons, repetitions",
+            *(f"After {h:g} s:\n\n{_errors(repeated, i)}" for i, h in enumerate(HORIZONS_S) if h != TOLD_S),
+            "## What was found",
+            wrapped(parameters),
+            _parameters(rotation),
+        ]
+    )
+
+
+def _errors(found: dict[str, list[Floats]], horizon: int) -> str:
+    rows = []
+    for name, flights in found.items():
+        values = np.array([f[horizon] for f in flights])
+        half = 1.96 * values.std(axis=0, ddof=1) / np.sqrt(len(values))
+        cells = [f"{m:.3g} ± {h:.1g}" for m, h in zip(values.mean(axis=0), half, strict=True)]
+        rows.append([name, *cells])
+    return table(["model", "position m", "velocity m/s", "rotation rad", "rates rad/s"], rows)
+
+
+def _parameters(rotation: Rotation) -> str:
+    rows: list[Sequence[str]] = []
+    for axis in rotation.axes:
+        rows += [(f"{axis}: {name}", _shown(value)) for name, value in rotation.told(axis).items()]
+    rows += [(name, _shown(fit.values["drag_1_s"])) for name, fit in rotation.drag.items() if fit.white]
+    if rotation.thrust.found is not None:
+        rows.append(("elasticity of the thrust", _shown(rotation.thrust.found)))
+    return table(["parameter", "value [95 % interval]"], rows)
+
+
+def _shown(value: Value) -> str:
+    return f"{value.value:.3g} [{value.low:.3g}, {value.high:.3g}]"
+
+
+if __name__ == "__main__":
+    main()
