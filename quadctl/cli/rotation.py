@@ -24,12 +24,12 @@ def rotation(
     from quadctl.lab.rotation.parameters import fit_rotation
     from quadctl.lab.rotation.records import record_of
     from quadctl.lab.rotation.words import answer
-    from quadctl.logs.read import read_logs
+    from quadctl.logs.read import read_imu_log
     from quadctl.logs.record.copies import without_copies
     from quadctl.model import load_model
 
     loaded = load_model(vehicle).vehicle
-    records = [record_of(log, loaded.n_rotors) for log in without_copies(read_logs(logs))]
+    records = [record_of(log, loaded.n_rotors) for log in without_copies([read_imu_log(path) for path in logs])]
     with console.status("estimating"):
         found = fit_rotation(records, loaded)
     console.print(answer(found))

@@ -62,6 +62,8 @@ class Estimated:
     correlation: float
     """Largest absolute autocorrelation of the innovations, at one to five samples."""
     n: int
+    at_bound: frozenset[str]
+    """Parameters that came to rest at a bound: nothing is known of them."""
 
     @property
     def white(self) -> bool:
@@ -185,7 +187,8 @@ def estimate(
         for name, v, h in zip([*names, *shared], [*found.x, *linear], half, strict=True)
     }
     correlation = max(abs(float(errors[k:] @ errors[:-k])) for k in range(1, 6)) / float(errors @ errors)
-    return Estimated(named, float(np.std(errors)), correlation, len(errors))
+    at_bound = frozenset(name for name, place in zip(names, found.active_mask, strict=True) if place)
+    return Estimated(named, float(np.std(errors)), correlation, len(errors), at_bound)
 
 
 def _stacked(flights: Sequence[Regression]) -> tuple[Floats, Floats]:

@@ -16,6 +16,7 @@ from typing import Any
 
 import numpy as np
 
+from quadctl.effects.rotor_drag import FLOWN_M_S
 from quadctl.frames import GRAVITY_M_S2
 from quadctl.lab.arrays import Floats
 from quadctl.lab.rotation.innovations import (
@@ -73,11 +74,12 @@ def differences(command: Floats, elasticity: float, vehicle: Vehicle) -> Floats:
 
 def fit_axis(records: Sequence[Record], vehicle: Vehicle, axis: int, hover: float, thrust: "ThrustMap") -> Estimated:
     """Fit the moments about a body axis; `hover` is the mean command in flight. Yaw has no moment by airspeed."""
+    by_air = axis != YAW and flown(records, 1 - axis)
     flights = [
         _Axis(
             r.rates[:, axis],
             Delayed(differences(r.command(thrust.by_voltage) / hover, thrust.value, vehicle)[:, axis], r.step_s),
-            None if r.airspeed is None or axis == YAW else r.airspeed[:, 1 - axis],
+            None if r.airspeed is None or not by_air else r.airspeed[:, 1 - axis],
             r.step_s,
         )
         for r in records
@@ -110,24 +112,23 @@ class ThrustMap:
     """Loss of thrust over climb rate, over the mass."""
 
 
-def fit_thrust_map(records: Sequence[Record], lag: Value) -> ThrustMap:
+def fit_thrust_map(records: Sequence[Record], lag: Value | None) -> ThrustMap:
     """Elasticity of the thrust of all rotors, with the voltage where that predicts the accelerometer better.
 
-    Its interval holds what the interval of the rotors' lag, which the gyro tells, adds.
+    Its interval holds what the interval of the rotors' lag, which the gyro tells, adds; where the gyro does not tell it
+    (None), nothing is told: delays of the accelerometer hide the lag.
     """
     if all(r.measured for r in records):
         return ThrustMap(1.0, False, Value(1.0, 1.0, 1.0))
-    if any(r.force is None for r in records):
+    if lag is None or any(r.force is None for r in records):
         return ThrustMap(1.0, False, None)
     options = [False, *([True] if all(r.voltage is not None for r in records) else [])]
     fits = [(_elasticity(records, lag.value, by_voltage), by_voltage) for by_voltage in options]
     found, by_voltage = min(fits, key=lambda fit: fit[0].innovation)
     value = found.values["elasticity"]
-    late, early = (
-        abs(_elasticity(records, max(lag_s, 1e-3), by_voltage).values["elasticity"].value - value.value)
-        for lag_s in (lag.high, lag.low)
-    )
-    half = float(np.hypot((value.high - value.low) / 2.0, max(late, early)))
+    others = [_elasticity(records, lag_s, by_voltage).values["elasticity"].value for lag_s in (lag.low, lag.high)]
+    by_lag = max(abs(other - value.value) for other in others)
+    half = float(np.hypot((value.high - value.low) / 2.0, by_lag))
     value = Value(value.value, value.value - half, value.value + half)
     trusted = found.white and 0.3 < value.low < value.high < 3.5
     return ThrustMap(
@@ -167,8 +168,8 @@ def _elasticity(records: Sequence[Record], lag_s: float, by_voltage: bool) -> Es
 def fit_drag(records: Sequence[Record], axis: int) -> Estimated:
     """Drag along body x (0) or y (1), 1/s, from the accelerometer: f = -d u + bias + slow force.
 
-    Both are averaged over `DRAG_STEP_S`: the filter of a slow force raises what is quick, of a velocity its noise, which
-    weakens the drag.
+    Both are averaged over `DRAG_STEP_S`: the filter of a slow force raises what is quick, of a velocity its noise,
+    which weakens the drag.
     """
     flights = []
     for r in records:
@@ -194,9 +195,11 @@ def _means(signal: Floats, rows: int) -> Floats:
     return np.asarray(signal[:whole].reshape(-1, rows).mean(axis=1))
 
 
-def has_drag(record: Record) -> bool:
-    """True where a record has the accelerometer and the velocity that drag is fitted from."""
-    return record.force is not None and record.airspeed is not None
+def flown(records: Sequence[Record], axis: int) -> bool:
+    """True where the flights are fast enough along body x (0) or y (1) to tell what grows with the airspeed: an
+    estimate of a slow velocity is mostly error."""
+    speeds = [r.airspeed[:, axis] for r in records if r.airspeed is not None]
+    return len(speeds) == len(records) and float(np.ptp(np.quantile(np.concatenate(speeds), (0.05, 0.95)))) > FLOWN_M_S
 
 
 def hover_command(records: Sequence[Record], by_voltage: bool) -> float:
@@ -233,10 +236,10 @@ class Rotation:
         return found
 
     def told(self, axis: str) -> dict[str, Value]:
-        """Parameters of an axis whose intervals can be trusted: none where its innovations are not white, no slope and
-        no lag that may be 0."""
+        """Parameters of an axis whose intervals can be trusted: none where its innovations are not white, or slope,
+        damping or lag are not told; no lag that may be 0, and no moment of an airspeed that hardly changed."""
         fit = self.axes[axis]
-        if not fit.white or fit.values["slope"].low <= 0.0:
+        if not fit.white or fit.values["slope"].low <= 0.0 or fit.at_bound & {"damping_1_s", "lag_s"}:
             return {}
         shown = {"slope": fit.values["slope"]}
         if axis in self.gain:
@@ -263,10 +266,12 @@ def fit_rotation(records: Sequence[Record], vehicle: Vehicle) -> Rotation:
     """Estimate rotation, thrust map and drag from these flights; the map first with the lag that the gyro shows."""
     first = ThrustMap(1.0, False, None)
     rough = fit_axis(records, vehicle, 0, hover_command(records, False), first)
-    thrust = fit_thrust_map(records, rough.values["lag_s"])
+    lag = rough.values["lag_s"]
+    thrust = fit_thrust_map(records, lag if lag.low > 0.0 and not rough.at_bound & {"damping_1_s", "lag_s"} else None)
     hover = hover_command(records, thrust.by_voltage)
     axes = {name: fit_axis(records, vehicle, i, hover, thrust) for i, name in enumerate(AXES)}
-    drag = {f"d_{'xy'[i]}": fit_drag(records, i) for i in (0, 1)} if all(map(has_drag, records)) else {}
+    with_force = all(r.force is not None for r in records)
+    drag = {f"d_{'xy'[i]}": fit_drag(records, i) for i in (0, 1) if with_force and flown(records, i)}
     mean = np.mean([r.drive.mean(axis=0) for r in records], axis=0)
     names = tuple(r.name for r in records)
     return Rotation(names, axes, thrust, hover, hover_command(records, False), drag, mean / mean.mean())

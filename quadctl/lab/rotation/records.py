@@ -100,7 +100,7 @@ def _rate_hz(log: FlightLog, names: Sequence[str], called: str) -> float:
 
 def _flying(log: FlightLog, drive: Sequence[str]) -> tuple[float, float]:
     """First and last second of the longest part in which the rotors carry the vehicle, ends left out."""
-    mean = np.nanmean([log[name] for name in drive], axis=0)
+    mean = np.mean([log[name] for name in drive], axis=0)
     on = mean > FLYING * np.nanmedian(mean[mean > 0.0]) if np.any(mean > 0.0) else np.zeros(len(mean), bool)
     edges = np.flatnonzero(np.diff(np.concatenate([[0], on.astype(int), [0]])))
     spans = [(log.time_s[a], log.time_s[b - 1]) for a, b in zip(edges[::2], edges[1::2], strict=True)]
