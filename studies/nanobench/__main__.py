@@ -11,6 +11,7 @@ from quadctl.lab.arrays import Floats
 from quadctl.lab.rotation.innovations import Value
 from quadctl.lab.rotation.parameters import Rotation, fit_rotation
 from quadctl.lab.rotation.rollout import HORIZONS_S
+from quadctl.lab.rotation.words import ROWS
 from quadctl.logs.consistency import complaints
 from quadctl.logs.record.copies import without_copies
 from quadctl.logs.table import read_by_map
@@ -74,7 +75,8 @@ def _page(
     horizon; it names no cause.
 
     - **{ESTIMATED}**: thrust map, drag, moments, lag and delay as below, with an observer of the slow force and the
-    slow moment. What a simulator may use.
+    slow moment. What a simulator may use, which closes the loop itself. Replayed commands that answered
+    disturbances, without these, drive it away from the record.
 
     - **{FORECAST}**: the same form, its slopes, damping and observer fitted to the forecasts. Of these flights only:
     part of what the commands do answers disturbances that a forecast cannot know.
@@ -95,8 +97,8 @@ def _page(
     return "\n\n".join(
         [
             "# Public benchmarks",
-            wrapped(intro),
-            wrapped(kinds),
+            wrapped(intro).strip(),
+            wrapped(kinds).strip(),
             f"## Errors after {TOLD_S:g} s",
             "Repetitions: a third of the flights is left out in turn.",
             _errors(repeated, HORIZONS_S.index(TOLD_S)),
@@ -107,7 +109,7 @@ def _page(
             "## Errors at other horizons, repetitions",
             *(f"After {h:g} s:\n\n{_errors(repeated, i)}" for i, h in enumerate(HORIZONS_S) if h != TOLD_S),
             "## What was found",
-            wrapped(parameters),
+            wrapped(parameters).strip(),
             _parameters(rotation),
             "## From your own logs",
             wrapped(own),
@@ -128,8 +130,9 @@ def _errors(found: dict[str, list[Floats]], horizon: int) -> str:
 def _parameters(rotation: Rotation) -> str:
     rows: list[Sequence[str]] = []
     for axis in rotation.axes:
-        rows += [(f"{axis}: {name}", _shown(value)) for name, value in rotation.told(axis).items()]
-    rows += [(name, _shown(fit.values["drag_1_s"])) for name, fit in rotation.drag.items() if fit.white]
+        told = rotation.told(axis)
+        rows += [(f"{axis}: {name}, {unit}", _shown(told[key])) for key, name, unit in ROWS if key in told]
+    rows += [(f"drag {name}, 1/s", _shown(fit.values["drag_1_s"])) for name, fit in rotation.drag.items() if fit.white]
     if rotation.thrust.found is not None:
         rows.append(("elasticity of the thrust", _shown(rotation.thrust.found)))
     return table(["parameter", "value [95 % interval]"], rows)

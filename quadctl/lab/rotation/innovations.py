@@ -187,7 +187,8 @@ def estimate(
         for name, v, h in zip([*names, *shared], [*found.x, *linear], half, strict=True)
     }
     correlation = max(abs(float(errors[k:] @ errors[:-k])) for k in range(1, 6)) / float(errors @ errors)
-    at_bound = frozenset(name for name, place in zip(names, found.active_mask, strict=True) if place)
+    rests = np.min(np.abs(np.array(bounds) - found.x), axis=0) < 1e-3 * scale
+    at_bound = frozenset(name for name, at in zip(names, rests, strict=True) if at)
     return Estimated(named, float(np.std(errors)), correlation, len(errors), at_bound)
 
 

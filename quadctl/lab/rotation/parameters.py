@@ -94,7 +94,7 @@ def fit_axis(records: Sequence[Record], vehicle: Vehicle, axis: int, hover: floa
     names = ("damping_1_s", "lag_s", "delay_s", *NOISE_NAMES)
     shared = ["slope", *(["airspeed"] if flights[0].airspeed is not None else [])]
     start = np.array([2.0, 0.04, 1.5 * step_s, -3.3, 0.7, -1.0, -6.0])
-    low, high = np.array([-5.0, 1e-3, step_s, *LOW_NOISE]), np.array([40.0, 0.5, 0.2, *HIGH_NOISE])
+    low, high = np.array([0.0, 1e-3, step_s, *LOW_NOISE]), np.array([40.0, 0.5, 0.2, *HIGH_NOISE])
     scale = np.array([1.0, 0.01, 0.01, 1.0, 1.0, 1.0, 1.0])
     return estimate(regress, start, (low, high), scale, names, shared, round(BLOCK_S / step_s))
 
@@ -236,15 +236,16 @@ class Rotation:
         return found
 
     def told(self, axis: str) -> dict[str, Value]:
-        """Parameters of an axis whose intervals can be trusted: none where its innovations are not white, or slope,
-        damping or lag are not told; no lag that may be 0, and no moment of an airspeed that hardly changed."""
+        """Parameters of an axis whose intervals can be trusted: none where its innovations are not white, or slope or
+        lag are not told; no lag that may be 0, no damping at a bound, no moment of an airspeed that hardly changed."""
         fit = self.axes[axis]
-        if not fit.white or fit.values["slope"].low <= 0.0 or fit.at_bound & {"damping_1_s", "lag_s"}:
+        if not fit.white or fit.values["slope"].low <= 0.0 or "lag_s" in fit.at_bound:
             return {}
         shown = {"slope": fit.values["slope"]}
         if axis in self.gain:
             shown["gain"] = self.gain[axis]
-        shown |= {name: fit.values[name] for name in ("damping_1_s", "airspeed") if name in fit.values}
+        others = [name for name in ("damping_1_s", "airspeed") if name in fit.values and name not in fit.at_bound]
+        shown |= {name: fit.values[name] for name in others}
         lag = fit.values["lag_s"]
         return shown | ({"lag_s": lag} if lag.low > 0.0 else {})
 
@@ -267,7 +268,7 @@ def fit_rotation(records: Sequence[Record], vehicle: Vehicle) -> Rotation:
     first = ThrustMap(1.0, False, None)
     rough = fit_axis(records, vehicle, 0, hover_command(records, False), first)
     lag = rough.values["lag_s"]
-    thrust = fit_thrust_map(records, lag if lag.low > 0.0 and not rough.at_bound & {"damping_1_s", "lag_s"} else None)
+    thrust = fit_thrust_map(records, lag if lag.low > 0.0 and "lag_s" not in rough.at_bound else None)
     hover = hover_command(records, thrust.by_voltage)
     axes = {name: fit_axis(records, vehicle, i, hover, thrust) for i, name in enumerate(AXES)}
     with_force = all(r.force is not None for r in records)
