@@ -138,12 +138,13 @@ def fit_thrust_map(records: Sequence[Record], lag: Value | None) -> ThrustMap:
 
 def _elasticity(records: Sequence[Record], lag_s: float, by_voltage: bool) -> Estimated:
     hover = hover_command(records, by_voltage)
+    with_air = all(r.airspeed is not None for r in records)
     flights = []
     for r in records:
         assert r.force is not None
         own = r.command(by_voltage) / hover - 1.0
         curved = Delayed((own**2).mean(axis=1), r.step_s)
-        others = [] if r.airspeed is None else [r.airspeed[:, 2] / GRAVITY_M_S2]
+        others = [r.airspeed[:, 2] / GRAVITY_M_S2] if with_air and r.airspeed is not None else []
         flights.append((-r.force[:, 2] / GRAVITY_M_S2, Delayed(own.mean(axis=1), r.step_s), curved, others, r.step_s))
 
     def regress(x: Floats) -> list[Regression]:
@@ -161,7 +162,7 @@ def _elasticity(records: Sequence[Record], lag_s: float, by_voltage: bool) -> Es
     start = np.array([1.5 * step_s, -3.3, 0.7, -0.5, -1.0])
     low, high = np.array([0.0, *LOW_NOISE]), np.array([0.2, *HIGH_NOISE])
     scale, names = np.array([0.01, 1.0, 1.0, 1.0, 1.0]), ("delay_s", *NOISE_NAMES)
-    shared = ["elasticity", *(["inflow_1_s"] if all(r.airspeed is not None for r in records) else [])]
+    shared = ["elasticity", *(["inflow_1_s"] if with_air else [])]
     return estimate(regress, start, (low, high), scale, names, shared, round(BLOCK_S / step_s))
 
 
@@ -217,6 +218,8 @@ class Rotation:
     hover: float
     """Mean command in flight, in the unit of `Record.command`."""
     hover_drive: float
+    """Mean output in flight, or mean squared speed, krpm^2, where speeds are `measured`."""
+    measured: bool
     drag: dict[str, Estimated]
     share: Floats
     """Mean command of each rotor over that of all, shape (k,): unequal rotors, or a centre of mass off the middle."""
@@ -275,4 +278,6 @@ def fit_rotation(records: Sequence[Record], vehicle: Vehicle) -> Rotation:
     drag = {f"d_{'xy'[i]}": fit_drag(records, i) for i in (0, 1) if with_force and flown(records, i)}
     mean = np.mean([r.drive.mean(axis=0) for r in records], axis=0)
     names = tuple(r.name for r in records)
-    return Rotation(names, axes, thrust, hover, hover_command(records, False), drag, mean / mean.mean())
+    return Rotation(
+        names, axes, thrust, hover, hover_command(records, False), records[0].measured, drag, mean / mean.mean()
+    )

@@ -36,9 +36,9 @@ def _shown(value: Value | None) -> str:
 def _thrust(found: Rotation) -> list[str]:
     lines = []
     share = ", ".join(f"{100.0 * (s - 1.0):+.1f} %" for s in found.share)
-    kind = "output" if found.hover_drive <= 1.0 else "squared speed, krpm²,"
+    kind = "squared speed, krpm²," if found.measured else "output"
     lines.append(f"Mean {kind} in flight: {found.hover_drive:.3g}; the rotors' own: {share}.")
-    if found.thrust.found is not None:
+    if found.thrust.found is not None and not found.measured:
         by = "output times voltage" if found.thrust.by_voltage else kind
         lines.append(f"Thrust map: 1 % more {by} gives {_shown(found.thrust.found)} % more thrust near hover.")
     drags = {name: fit.values["drag_1_s"] for name, fit in found.drag.items() if fit.white}
