@@ -85,8 +85,8 @@ def _page(
     kinds = "- " + "\n- ".join(" ".join(k.split()).removeprefix("- ") for k in kinds.split("\n\n"))
     parameters = """By the prediction-error method on commands, gyro and accelerometer (Ljung 1999, ch. 13), which is
     right in closed loop as far as its model of the noise is. The gain per weight of thrust difference is the slope by
-    the command over the elasticity of the thrust (% of thrust per % of command), which limits it: a voltage that sags
-    with the thrust of all rotors is part of that elasticity, though a difference of rotors does not move it."""
+    the command over the elasticity of the thrust (% of the weight per % of command), which limits it: a voltage that
+    sags with the thrust of all rotors is part of that elasticity, though a difference of rotors does not move it."""
     own = """
     `quadctl rotation config/vehicles/raptor.yaml flight.ulg --json rotation.json` prints the same of any log with
     body rates and rotor outputs (or speeds) at 40 Hz or more; a ULog of PX4 needs no position. Without velocity
@@ -134,7 +134,9 @@ def _parameters(rotation: Rotation) -> str:
         rows += [(f"{axis}: {name}, {unit}", _shown(told[key])) for key, name, unit in ROWS if key in told]
     rows += [(f"drag {name}, 1/s", _shown(fit.values["drag_1_s"])) for name, fit in rotation.drag.items() if fit.white]
     if rotation.thrust.found is not None:
-        rows.append(("elasticity of the thrust", _shown(rotation.thrust.found)))
+        rows.append(
+            ("elasticity of the thrust, weights per relative change of the command", _shown(rotation.thrust.found))
+        )
     return table(["parameter", "value [95 % interval]"], rows)
 
 

@@ -101,7 +101,8 @@ def fit_axis(records: Sequence[Record], vehicle: Vehicle, axis: int, hover: floa
 
 @dataclass(frozen=True)
 class ThrustMap:
-    """Elasticity of the thrust over the command near hover."""
+    """Elasticity of the thrust over the command near the mean command: thrust in weights per relative change. The mean
+    thrust of a flight that tilts is more than the weight, so it is as much above dln T / dln x."""
 
     value: float
     """Used in the moments; 1 where nothing is known."""

@@ -40,7 +40,7 @@ def _thrust(found: Rotation) -> list[str]:
     lines.append(f"Mean {kind} in flight: {found.hover_drive:.3g}; the rotors' own: {share}.")
     if found.thrust.found is not None and not found.measured:
         by = "output times voltage" if found.thrust.by_voltage else kind
-        lines.append(f"Thrust map: 1 % more {by} gives {_shown(found.thrust.found)} % more thrust near hover.")
+        lines.append(f"Thrust map: 1 % more {by} gives {_shown(found.thrust.found)} % of the weight more thrust.")
     drags = {name: fit.values["drag_1_s"] for name, fit in found.drag.items() if fit.white}
     if drags:
         said = ", ".join(f"{name} = {_shown(value)} 1/s" for name, value in drags.items())

@@ -86,6 +86,12 @@ class TestInClosedLoop:
             assert told["airspeed"].low < (-1.0, 1.0)[i] * TRUTH.airspeed < told["airspeed"].high
             assert told["gain"].high - told["gain"].low < 0.5 * TRUTH.gain(i)
 
+    def test_the_elasticity_of_the_thrust_lies_in_its_interval(self, records: list[Record], found: Rotation) -> None:
+        bend, weights = TRUTH.bend, -np.mean([r.force[:, 2] for r in records if r.force is not None]) / GRAVITY_M_S2
+        true = weights * (1.0 - bend + 2.0 * bend * found.hover) / (1.0 - bend + bend * found.hover)
+        told = found.thrust.found
+        assert told is not None and told.low < true < told.high < told.low + 0.2
+
     def test_a_regression_of_the_angular_acceleration_misses_the_gain(
         self, records: list[Record], found: Rotation
     ) -> None:
