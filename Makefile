@@ -4,7 +4,7 @@ VENV ?= .venv
 BIN := $(VENV)/bin
 INSTALLED := $(VENV)/.installed
 
-.PHONY: demo test test-flights test-computing test-long test-long-flights test-long-computing lint docs bench bench-loop faults autopilots papers hidden decision-rule tutorial real
+.PHONY: demo test test-flights test-computing test-long test-long-flights test-long-computing lint docs bench bench-loop faults autopilots papers hidden decision-rule tutorial real nanobench
 .PHONY: faults-random faults-random-mavlink sensor-cases sensor-figure tracking architecture sitl-check screenshots clean
 
 demo: $(INSTALLED)
@@ -104,6 +104,10 @@ tutorial: $(INSTALLED)
 real: $(INSTALLED)
 	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest tests/lab/test_real_logs.py -n 2
 	$(BIN)/python -m studies.real_flights
+
+# Rollouts of the whole state on a public benchmark, in ../shared; writes docs/benchmarks-public.md.
+nanobench: $(INSTALLED)
+	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m studies.nanobench ../shared/data/nanobench
 
 # The documentation as a site, in build/site, without network; a link that leads nowhere fails (not with --quiet).
 docs: $(VENV)/.docs

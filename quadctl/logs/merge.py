@@ -60,6 +60,8 @@ class Origin:
     invalid: dict[str, str] = field(default_factory=dict)
     """Reason why a column holds no values although its message is there, by the name of the column."""
     events: list[Event] = field(default_factory=list)
+    required: tuple[str, ...] = (*POSITION, *VELOCITY, *ATTITUDE)
+    """Columns without which there is no log."""
 
 
 def merge(channels: Iterable[Channel], origin: Origin) -> FlightLog:
@@ -68,12 +70,12 @@ def merge(channels: Iterable[Channel], origin: Origin) -> FlightLog:
     Raises
     ------
     LogError
-        Position, velocity or attitude is missing.
+        A required column is missing: position, velocity or attitude.
     """
     findings = list(origin.findings)
     kept = [made for channel in channels if len((made := _with_increasing_time(channel, findings)).time_s)]
     found = {name for channel in kept for name, values in channel.columns.items() if np.isfinite(values).any()}
-    missing = [name for name in (*POSITION, *VELOCITY, *ATTITUDE) if name not in found]
+    missing = [name for name in origin.required if name not in found]
     if missing:
         there = list(dict.fromkeys(channel.source for channel in kept))
         raise LogError(

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from quadctl.errors import LogError
 from quadctl.files import reading
-from quadctl.logs.flight_log import FlightLog
+from quadctl.logs.flight_log import RATES, FlightLog
 from quadctl.logs.formats import HEAD_BYTES, MAP_SUFFIX, MAPPED, TABLES, format_of, format_of_folder
 
 _NO_LOGS = {
@@ -38,6 +38,21 @@ def read_log(path: Path | str) -> FlightLog:
     form = format_of(_head(path), path.suffix)
     may_be_mapped = form.suffix in TABLES and next(path.parent.glob(f"*{MAP_SUFFIX}"), None) is not None
     return (MAPPED if may_be_mapped or path.with_suffix(MAP_SUFFIX).is_file() else form).read(path)
+
+
+def read_imu_log(path: Path | str) -> FlightLog:
+    """The flight log in `path`, in which position, velocity and attitude may be missing where it is a ULog of PX4.
+
+    Raises
+    ------
+    LogError
+        As `read_log`; or it holds no body rates.
+    """
+    from quadctl.logs.ulog import is_ulog, read_ulog
+
+    path = Path(path)
+    require_file(path)
+    return read_ulog(path, RATES) if path.is_file() and is_ulog(_head(path)) else read_log(path)
 
 
 def read_logs(paths: Iterable[Path | str]) -> list[FlightLog]:

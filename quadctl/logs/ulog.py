@@ -19,7 +19,7 @@ from quadctl.logs.columns import LATERAL_THROTTLE, motor_columns
 from quadctl.logs.estimator_health import lane_switches, lost_fixes, rejections
 from quadctl.logs.events import PX4_MODES, Event, estimator_resets, mode_changes, parameter_changes, said
 from quadctl.logs.findings import Finding, Kind, finding
-from quadctl.logs.flight_log import ATTITUDE, RATES, FlightLog, Floats
+from quadctl.logs.flight_log import ATTITUDE, POSITION, RATES, VELOCITY, FlightLog, Floats
 from quadctl.logs.merge import Channel, Origin, finite, intervals, merge
 from quadctl.logs.parameter_history import ParameterHistory, change_findings
 from quadctl.logs.ulog_end import is_cut_short
@@ -71,6 +71,7 @@ INFO = ord("6")
 MAGIC = b"ULog\x01\x12\x35"
 """The first bytes of every ULog."""
 NEEDED = "vehicle_local_position and vehicle_attitude"
+STATE = (*POSITION, *VELOCITY, *ATTITUDE)
 
 FIRST_MOTOR_FUNCTION = 101
 """PX4's output function of motor 1."""
@@ -113,8 +114,8 @@ def is_ulog(head: bytes) -> bool:
     return head.startswith(MAGIC)
 
 
-def read_ulog(path: Path) -> FlightLog:
-    """Read a PX4 ULog.
+def read_ulog(path: Path, required: tuple[str, ...] = STATE) -> FlightLog:
+    """Read a PX4 ULog that holds the columns `required`.
 
     Raises
     ------
@@ -134,7 +135,7 @@ def read_ulog(path: Path) -> FlightLog:
         findings.append(finding(Kind.LOST_BY_LOGGER, times=len(log.dropouts), seconds=lost))
     instances = ((data.name, data.data) for data in log.data_list)
     history, release = _history(log), log.msg_info_dict.get("ver_sw_release")
-    return log_of_instances(path, instances, history, release, findings, _said(log, history))
+    return log_of_instances(path, instances, history, release, findings, _said(log, history), required)
 
 
 def log_of_instances(
@@ -144,6 +145,7 @@ def log_of_instances(
     release: object,
     findings: list[Finding],
     events: Sequence[Event],
+    required: tuple[str, ...] = STATE,
 ) -> FlightLog:
     """The flight log in PX4's topics, of which several instances may have the same name; the first is the primary.
 
@@ -169,7 +171,7 @@ def log_of_instances(
     if "actuator_motors" not in topics and "CA_ROTOR_COUNT" not in parameters:  # PX4 1.12 and before
         topics |= _motors_from_outputs(outputs, history, findings)
     _remove_battery_scale(topics, history, findings)
-    return log_of_topics(path, topics, meta, findings, events)
+    return log_of_topics(path, topics, meta, findings, events, required)
 
 
 def parameters_in_ulog(path: Path) -> dict[str, float]:
@@ -184,7 +186,12 @@ def parameters_in_ulog(path: Path) -> dict[str, float]:
 
 
 def log_of_topics(
-    path: Path, topics: dict[str, _Topic], meta: dict[str, Any], findings: list[Finding], events: Sequence[Event] = ()
+    path: Path,
+    topics: dict[str, _Topic],
+    meta: dict[str, Any],
+    findings: list[Finding],
+    events: Sequence[Event] = (),
+    required: tuple[str, ...] = STATE,
 ) -> FlightLog:
     """The flight log in PX4's topics, by their names in a ULog: arrays of shape (n,) by the names of their fields.
 
@@ -210,7 +217,7 @@ def log_of_topics(
     status = topics.get("vehicle_status")
     if status is not None and "nav_state" in status:
         events = [*events, *mode_changes(_seconds(status, "timestamp"), status["nav_state"].tolist(), PX4_MODES)]
-    return merge(channels, Origin(path, NEEDED, meta, findings, periods, invalid, [*events, *resets]))
+    return merge(channels, Origin(path, NEEDED, meta, findings, periods, invalid, [*events, *resets], required))
 
 
 def _history(log: Any) -> ParameterHistory:

@@ -1,0 +1,36 @@
+"""`quadctl rotation`: moment gains, rotor lag, damping and thrust map from gyro, accelerometer and commands."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from quadctl.cli.app import app, console
+from quadctl.cli.inputs import find
+from quadctl.cli.lab import LogArguments
+from quadctl.cli.output import JsonOption, write_json
+from quadctl.cli.overwriting import Reads
+
+
+@app.command()
+def rotation(
+    vehicle: Annotated[
+        Path, Reads(), typer.Argument(metavar="VEHICLE.yaml", help="Vehicle file, for its rotors.", callback=find)
+    ],
+    logs: LogArguments,
+    json_out: JsonOption = None,
+) -> None:
+    """Find moment gains, rotor lag, damping and thrust map from commands and IMU; a position is not needed."""
+    from quadctl.lab.rotation.parameters import fit_rotation
+    from quadctl.lab.rotation.records import record_of
+    from quadctl.lab.rotation.words import answer
+    from quadctl.logs.read import read_imu_log
+    from quadctl.logs.record.copies import without_copies
+    from quadctl.model import load_model
+
+    loaded = load_model(vehicle).vehicle
+    records = [record_of(log, loaded.n_rotors) for log in without_copies([read_imu_log(path) for path in logs])]
+    with console.status("estimating"):
+        found = fit_rotation(records, loaded)
+    console.print(answer(found))
+    write_json(json_out, found.to_dict())

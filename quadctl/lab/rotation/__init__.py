@@ -1,0 +1,2 @@
+"""Rotation from motor commands: its parameters with intervals that hold in closed loop, and rollouts of the whole
+state."""

@@ -1,0 +1,231 @@
+"""Prediction-error estimation: parameters of a flight that a controller closes, with honest intervals.
+
+In closed loop the commands hold the controller's knowledge of the disturbances, and a regression of the motion on the
+commands is biased. One that predicts each sample from all earlier ones is not, provided that its model of the noise is
+right, so that its errors (innovations) are white, and that the command acts at least one sample later (Ljung 1999,
+System Identification, 2nd ed., ch. 13.4). The noise here is white noise and a slow disturbance, an Ornstein-Uhlenbeck
+process; its innovations are those of the steady Kalman filter. Parameters that enter linearly are eliminated (variable
+projection, Golub & Pereyra 1973).
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import expm, solve_discrete_are
+from scipy.optimize import least_squares
+from scipy.signal import lfilter
+from scipy.stats import t as student
+
+from quadctl.lab.arrays import Floats
+
+BLOCK_S = 5.0
+"""Time over which innovations may be dependent, where there are too few flights to take each as one block."""
+FEW_FLIGHTS = 8
+"""Number of flights from which each is one block: then intervals hold what differs from flight to flight, too."""
+PREDICTABLE = 0.1
+"""Largest share of the innovations' variance that one of the five before may predict, where they pass for white."""
+STEP = 1e-4
+
+
+@dataclass(frozen=True, eq=False)
+class Regression:
+    """One flight's regression after whitening: `wanted`, shape (n,), by columns that all flights share, shape (n, p),
+    and by columns of this flight alone, shape (n, q)."""
+
+    wanted: Floats
+    shared: Floats
+    own: Floats
+
+
+@dataclass(frozen=True)
+class Value:
+    """A parameter with its 95 % interval."""
+
+    value: float
+    low: float
+    high: float
+
+    def to_dict(self) -> dict[str, Any]:
+        return {"value": self.value, "ci95": [self.low, self.high]}
+
+
+@dataclass(frozen=True, eq=False)
+class Estimated:
+    """Result of an estimation: parameters, how large the innovations are, and whether they are white."""
+
+    values: dict[str, Value]
+    innovation: float
+    """Standard deviation of the innovations, in the unit of what is predicted."""
+    correlation: float
+    """Largest absolute autocorrelation of the innovations, at one to five samples."""
+    n: int
+    at_bound: frozenset[str]
+    """Parameters that came to rest at a bound: nothing is known of them."""
+
+    @property
+    def white(self) -> bool:
+        return self.correlation**2 < PREDICTABLE
+
+
+def first_order(forcing: Floats, rate_1_s: float, step_s: float) -> Floats:
+    """Solution of x' = -rate x + forcing from x = 0, with the forcing linear between samples, along the last axis."""
+    z = rate_1_s * step_s
+    decay = np.exp(-z)
+    mean = (1.0 - decay) / z if abs(z) > 1e-5 else 1.0 - z / 2.0
+    late = (1.0 - mean) / z if abs(z) > 1e-5 else 0.5 - z / 6.0
+    return np.asarray(lfilter([step_s * late, step_s * (mean - late)], [1.0, -decay], forcing, axis=-1))
+
+
+@dataclass(frozen=True, eq=False)
+class SteadyFilter:
+    """Steady Kalman filter: x[k+1] = A x[k] + K (y[k] - x[k, 0])."""
+
+    transition: Floats
+    """A, shape (m, m)."""
+    gain: Floats
+    """K, shape (m,)."""
+
+    def whitened(self, signal: Floats) -> Floats:
+        """Innovations of a signal, along the last axis: the signal through the inverse of the noise's filter."""
+        closed = self.transition - np.outer(self.gain, np.eye(len(self.gain))[0])
+        return np.asarray(lfilter(np.real(np.poly(self.transition)), np.real(np.poly(closed)), signal, axis=-1))
+
+
+def steady_filter(drift: Floats, diffusion: Floats, noise: float, step_s: float) -> SteadyFilter:
+    """Filter of dx = drift x dt + noise of spectral density `diffusion`, both of shape (m, m), seen as x[0] with white
+    noise of this variance (Van Loan 1978, IEEE TAC 23(3); discrete Riccati equation)."""
+    m = len(drift)
+    joint = expm(np.block([[-drift, diffusion], [np.zeros((m, m)), drift.T]]) * step_s)
+    transition = joint[m:, m:].T
+    walk = transition @ joint[:m, m:]
+    seen = np.eye(m)[:1]
+    covariance = solve_discrete_are(transition.T, seen.T, 0.5 * (walk + walk.T), np.array([[noise]]))
+    gain = transition @ covariance[:, 0] / (covariance[0, 0] + noise)
+    return SteadyFilter(transition, gain)
+
+
+@dataclass(frozen=True)
+class Noise:
+    """Disturbances of one axis, relative to the quick one: two Ornstein-Uhlenbeck processes and the sensor's noise.
+
+    The quick one is what the rotors add to their thrust, the slow one gusts, batteries and rotors that warm up.
+    """
+
+    quick_s: float
+    """Memory of the quick disturbance, of standard deviation 1."""
+    slow_s: float
+    slow: float
+    """Standard deviation of the slow disturbance."""
+    sensor: float
+    """Standard deviation of the sensor's noise, each sample."""
+
+    @property
+    def _diffusion(self) -> tuple[float, float]:
+        return 2.0 / self.quick_s, 2.0 * self.slow**2 / self.slow_s
+
+    def of_force(self, step_s: float) -> SteadyFilter:
+        """Filter of the disturbances that a sensor measures themselves. Its first state is their sum."""
+        drift = np.array([[-1.0 / self.quick_s, 1.0 / self.quick_s - 1.0 / self.slow_s], [0.0, -1.0 / self.slow_s]])
+        quick, slow = self._diffusion
+        return steady_filter(drift, np.array([[quick + slow, slow], [slow, slow]]), self.sensor**2, step_s)
+
+    def of_rate(self, damping_1_s: float, step_s: float) -> SteadyFilter:
+        """Filter of a rate that the disturbances drive, and that damps itself. Its last state is the slow one."""
+        drift = np.array([[-damping_1_s, 1.0, 1.0], [0.0, -1.0 / self.quick_s, 0.0], [0.0, 0.0, -1.0 / self.slow_s]])
+        return steady_filter(drift, np.diag([0.0, *self._diffusion]), self.sensor**2, step_s)
+
+
+NOISE_NAMES = ("log_quick_s", "log_slow_s", "log_slow", "log_sensor")
+
+
+def noise_of(logarithms: Sequence[float] | Floats) -> Noise:
+    """Noise of the logarithms that a fit varies, in the order of `NOISE_NAMES`."""
+    return Noise(*(float(np.exp(x)) for x in logarithms))
+
+
+def estimate(
+    regress: Callable[[Floats], Sequence[Regression]],
+    start: Floats,
+    bounds: tuple[Floats, Floats],
+    scale: Floats,
+    names: Sequence[str],
+    shared: Sequence[str],
+    block_rows: int,
+) -> Estimated:
+    """Estimate the parameters `names`, of the size `scale`, from `start` within `bounds`, and the linear ones `shared`.
+
+    The intervals are a sandwich over blocks of `block_rows` samples, or over flights where they are many (White 1982,
+    Econometrica 50(1)), with Student's t of their number: they hold where the innovations' variance changes.
+    """
+
+    def errors_at(x: Floats) -> Floats:
+        wanted, design = _stacked(regress(x))
+        return np.asarray(wanted - design @ solved(design, wanted))
+
+    steps = np.full(len(start), 1e-4)
+    found = least_squares(errors_at, start, bounds=bounds, x_scale=scale, diff_step=steps, ftol=1e-7)
+    flights = regress(found.x)
+    wanted, design = _stacked(flights)
+    linear = solved(design, wanted)
+    errors = wanted - design @ linear
+    full = np.column_stack([*(_slope(regress, found.x, i, linear) for i in range(len(start))), design])
+    block = _blocks([len(f.wanted) for f in flights], block_rows)
+    size = np.maximum(np.linalg.norm(full, axis=0), 1e-300)
+    full /= size
+    bread = np.linalg.pinv(full.T @ full, rcond=1e-12)
+    scores = np.zeros((block[-1] + 1, full.shape[1]))
+    np.add.at(scores, block, full * errors[:, None])
+    count = len(scores)
+    covariance = bread @ (scores.T @ scores) @ bread * count / max(count - 1, 1)
+    reach = float(student.ppf(0.975, max(count - 1, 1)))
+    half = reach * np.sqrt(np.maximum(np.diag(covariance), 0.0)) / size
+    named = {
+        name: Value(float(v), float(v - h), float(v + h))
+        for name, v, h in zip([*names, *shared], [*found.x, *linear], half, strict=True)
+    }
+    correlation = max(abs(float(errors[k:] @ errors[:-k])) for k in range(1, 6)) / float(errors @ errors)
+    rests = np.min(np.abs(np.array(bounds) - found.x), axis=0) < 1e-3 * scale
+    at_bound = frozenset(name for name, at in zip(names, rests, strict=True) if at)
+    return Estimated(named, float(np.std(errors)), correlation, len(errors), at_bound)
+
+
+def _stacked(flights: Sequence[Regression]) -> tuple[Floats, Floats]:
+    """What is wanted, shape (n,), and the shared columns, shape (n, p), without what each flight's own columns
+    explain (Frisch & Waugh 1933): the shared parameters and their scores stay the same."""
+    parts = []
+    for f in flights:
+        basis = np.linalg.qr(f.own)[0]
+        both = np.column_stack([f.wanted, f.shared])
+        parts.append(both - basis @ (basis.T @ both))
+    joined = np.concatenate(parts)
+    return joined[:, 0], joined[:, 1:]
+
+
+def solved(design: Floats, wanted: Floats) -> Floats:
+    """Least squares, shape (p,), of columns of any size."""
+    size = np.maximum(np.linalg.norm(design, axis=0), 1e-300)
+    unit = design / size
+    return np.asarray(np.linalg.lstsq(unit.T @ unit, unit.T @ wanted, rcond=1e-13)[0] / size)
+
+
+def _slope(regress: Callable[[Floats], Sequence[Regression]], at: Floats, i: int, linear: Floats) -> Floats:
+    """Slope of what is predicted over parameter `i`, the linear ones held, shape (n,)."""
+    step = np.zeros(len(at))
+    step[i] = STEP * max(abs(at[i]), 1e-2)
+    (more, by_more), (less, by_less) = (_stacked(regress(at + sign * step)) for sign in (1.0, -1.0))
+    return np.asarray(((less - by_less @ linear) - (more - by_more @ linear)) / (2.0 * step[i]))
+
+
+def _blocks(lengths: Sequence[int], rows: int) -> NDArray[np.int64]:
+    """Number of the block of each sample, shape (n,): whole flights where they are many."""
+    if len(lengths) >= FEW_FLIGHTS:
+        return np.repeat(np.arange(len(lengths)), lengths)
+    parts, first = [], 0
+    for length in lengths:
+        count = max(length // rows, 1)
+        parts.append(first + np.minimum(np.arange(length) * count // length, count - 1))
+        first += count
+    return np.concatenate(parts)

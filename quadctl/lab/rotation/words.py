@@ -1,0 +1,64 @@
+"""Words for what flights tell of a vehicle's rotation, made once, at the edge."""
+
+from rich.console import Group, RenderableType
+from rich.table import Table
+from rich.text import Text
+
+from quadctl.lab.rotation.innovations import Value
+from quadctl.lab.rotation.parameters import Rotation
+
+ROWS = (
+    ("gain", "moment gain", "rad/s² per weight of thrust difference"),
+    ("slope", "the same by the command", "rad/s² per relative difference of the commands"),
+    ("damping_1_s", "damping of the rate", "1/s"),
+    ("airspeed", "moment by airspeed", "rad/s² per m/s"),
+    ("lag_s", "rotor lag", "s"),
+)
+
+
+def answer(found: Rotation) -> RenderableType:
+    """Table of the parameters of each axis with 95 % intervals, and sentences on thrust, rotors and what is not
+    told."""
+    table = Table(title=f"Rotation, from {len(found.names)} flights: value [95 % interval]", title_justify="left")
+    for heading in ("", *found.axes, "unit"):
+        table.add_column(heading, overflow="fold")
+    told = {axis: found.told(axis) for axis in found.axes}
+    for key, name, unit in ROWS:
+        if any(key in values for values in told.values()):
+            table.add_row(name, *(_shown(values.get(key)) for values in told.values()), unit)
+    return Group(table, Text("\n".join([*_thrust(found), *_untold(found)])))
+
+
+def _shown(value: Value | None) -> str:
+    return "-" if value is None else f"{value.value:.3g} [{value.low:.3g}, {value.high:.3g}]"
+
+
+def _thrust(found: Rotation) -> list[str]:
+    lines = []
+    share = ", ".join(f"{100.0 * (s - 1.0):+.1f} %" for s in found.share)
+    kind = "squared speed, krpm²," if found.measured else "output"
+    lines.append(f"Mean {kind} in flight: {found.hover_drive:.3g}; the rotors' own: {share}.")
+    if found.thrust.found is not None and not found.measured:
+        by = "output times voltage" if found.thrust.by_voltage else kind
+        lines.append(f"Thrust map: 1 % more {by} gives {_shown(found.thrust.found)} % of the weight more thrust.")
+    drags = {name: fit.values["drag_1_s"] for name, fit in found.drag.items() if fit.white}
+    if drags:
+        said = ", ".join(f"{name} = {_shown(value)} 1/s" for name, value in drags.items())
+        lines.append(f"Drag by the accelerometer: {said}.")
+    return lines
+
+
+def _untold(found: Rotation) -> list[str]:
+    """Sentences on what these flights do not tell, and why."""
+    lines = []
+    if found.thrust.found is None:
+        lines.append(
+            "Not told: the thrust map, and so the gain per weight. Fly quick climbs, with the accelerometer logged."
+        )
+    if not found.drag:
+        lines.append("Not told without velocity: drag and the moment by airspeed. These sensors never tell the mass.")
+    for axis, fit in found.axes.items():
+        if not found.told(axis):
+            why = "its prediction errors are correlated" if not fit.white else "the commands hardly turned it"
+            lines.append(f"Not told about {axis}: {why}.")
+    return lines

@@ -1,0 +1,148 @@
+"""Write docs/benchmarks-public.md: `python -m studies.nanobench FOLDER`, or `make nanobench`."""
+
+import argparse
+import time
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from quadctl.lab.arrays import Floats
+from quadctl.lab.rotation.innovations import Value
+from quadctl.lab.rotation.parameters import Rotation, fit_rotation
+from quadctl.lab.rotation.rollout import HORIZONS_S
+from quadctl.lab.rotation.words import ROWS
+from quadctl.logs.consistency import complaints
+from quadctl.logs.record.copies import without_copies
+from quadctl.logs.table import read_by_map
+from quadctl.vehicle import load_vehicle
+from studies.page import DOCS, ROOT, table, wrapped, write_page
+
+from .rollouts import CORRECTED, ESTIMATED, FORECAST, MODELS, Flight, flight_of, judged
+
+PAGE = DOCS / "benchmarks-public.md"
+FOLDS = 3
+FAMILIES = (("B2", "B6", "B7"), ("B3",), ("B5", "B8"), ("B9",))
+"""Shapes of trajectory that are left out together."""
+TOLD_S = 0.5
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description="Roll out the flights of NanoBench, and write the page.")
+    parser.add_argument("folder", type=Path)
+    parser.add_argument("--page", type=Path, default=PAGE)
+    arguments = parser.parse_args()
+    begin = time.monotonic()
+    vehicle = load_vehicle(arguments.folder / "crazyflie21.yaml")
+    logs = [read_by_map(p, ROOT / "config" / "maps" / "nanobench.yaml") for p in sorted(arguments.folder.glob("*.csv"))]
+    flights = [flight_of(log, log.name.split("_")[0]) for log in without_copies(logs) if not complaints(log)]
+    rotation = fit_rotation([f.record for f in flights], vehicle)
+
+    def errors(test_of: Callable[[int, Flight], int], parts: int) -> dict[str, list[Floats]]:
+        found: dict[str, list[Floats]] = {name: [] for name in MODELS}
+        for part in range(parts):
+            test = [f for i, f in enumerate(flights) if test_of(i, f) == part]
+            train = [f for i, f in enumerate(flights) if test_of(i, f) != part]
+            result = judged(train, test, vehicle)
+            for name, values in result.errors.items():
+                found[name] += values
+            so_far = {name: np.round(np.mean(values, axis=0)[2], 3) for name, values in found.items()}
+            print(f"part {part + 1} of {parts}", so_far, flush=True)
+        return found
+
+    repeated = errors(lambda i, f: i % FOLDS, FOLDS)
+    unseen = errors(lambda i, f: next(n for n, family in enumerate(FAMILIES) if f.shape in family), len(FAMILIES))
+    text = _page(len(logs), len(flights), rotation, repeated, unseen, time.monotonic() - begin)
+    write_page(arguments.page, text)
+
+
+def _page(
+    n_logs: int,
+    n_flights: int,
+    rotation: Rotation,
+    repeated: dict[str, list[Floats]],
+    unseen: dict[str, list[Floats]],
+    seconds: float,
+) -> str:
+    intro = f"""Written by `make nanobench` in {seconds / 60.0:.0f} minutes. {n_flights} of {n_logs} flights of a
+    Crazyflie 2.1 of NanoBench (Ullah & Baca 2026, arXiv 2603.09908): copies and corrupt ones are left out. From many
+    instants the whole state is rolled out with the commands that were sent (windows every 50 ms, mean errors, mean of
+    the flights with its 95 % interval). No fit saw the flights that are judged; the physics is fitted to every second
+    of the others, the regressions to all."""
+    kinds = f"""- **held**: velocity and body rates stay as they are.
+
+    - **ridge**: regression for each horizon on the state, its past 0.3 s and the commands until the
+    horizon; it names no cause.
+
+    - **{ESTIMATED}**: thrust map, drag, moments, lag and delay as below, with an observer of the slow force and the
+    slow moment. What a simulator may use, which closes the loop itself. Replayed commands that answered
+    disturbances, without these, drive it away from the record.
+
+    - **{FORECAST}**: the same form, its slopes, damping and observer fitted to the forecasts. Of these flights only:
+    part of what the commands do answers disturbances that a forecast cannot know.
+
+    - **{CORRECTED}**: with a ridge regression of what it leaves."""
+    kinds = "- " + "\n- ".join(" ".join(k.split()).removeprefix("- ") for k in kinds.split("\n\n"))
+    parameters = """By the prediction-error method on commands, gyro and accelerometer (Ljung 1999, ch. 13), which is
+    right in closed loop as far as its model of the noise is. The gain per weight of thrust difference is the slope by
+    the command over the elasticity of the thrust (% of the weight per % of command), which limits it: a voltage that
+    sags with the thrust of all rotors is part of that elasticity, though a difference of rotors does not move it."""
+    own = """
+    `quadctl rotation config/vehicles/raptor.yaml flight.ulg --json rotation.json` prints the same of any log with
+    body rates and rotor outputs (or speeds) at 40 Hz or more; a ULog of PX4 needs no position. Without velocity
+    there is no drag and no moment by airspeed, without accelerometer no gain per weight; the mass is never told.
+    What is not determined is not printed: axes whose prediction errors are correlated, or whose lag rests at a
+    bound. Log the outputs as fast as the controller writes them: in simulated flights slopes are 5 % small at 125
+    Hz, and right at 250 Hz."""
+    return "\n\n".join(
+        [
+            "# Public benchmarks",
+            wrapped(intro).strip(),
+            wrapped(kinds).strip(),
+            f"## Errors after {TOLD_S:g} s",
+            "Repetitions: a third of the flights is left out in turn.",
+            _errors(repeated, HORIZONS_S.index(TOLD_S)),
+            "Unseen shapes: all flights of a shape are left out ("
+            + ", ".join("+".join(family) for family in FAMILIES)
+            + ").",
+            _errors(unseen, HORIZONS_S.index(TOLD_S)),
+            "## Errors at other horizons, repetitions",
+            *(f"After {h:g} s:\n\n{_errors(repeated, i)}" for i, h in enumerate(HORIZONS_S) if h != TOLD_S),
+            "## What was found",
+            wrapped(parameters).strip(),
+            _parameters(rotation),
+            "## From your own logs",
+            wrapped(own),
+        ]
+    )
+
+
+def _errors(found: dict[str, list[Floats]], horizon: int) -> str:
+    rows = []
+    for name, flights in found.items():
+        values = np.array([f[horizon] for f in flights])
+        half = 1.96 * values.std(axis=0, ddof=1) / np.sqrt(len(values))
+        cells = [f"{m:.3g} ± {h:.1g}" for m, h in zip(values.mean(axis=0), half, strict=True)]
+        rows.append([name, *cells])
+    return table(["model", "position m", "velocity m/s", "rotation rad", "rates rad/s"], rows)
+
+
+def _parameters(rotation: Rotation) -> str:
+    rows: list[Sequence[str]] = []
+    for axis in rotation.axes:
+        told = rotation.told(axis)
+        rows += [(f"{axis}: {name}, {unit}", _shown(told[key])) for key, name, unit in ROWS if key in told]
+    rows += [(f"drag {name}, 1/s", _shown(fit.values["drag_1_s"])) for name, fit in rotation.drag.items() if fit.white]
+    if rotation.thrust.found is not None:
+        rows.append(
+            ("elasticity of the thrust, weights per relative change of the command", _shown(rotation.thrust.found))
+        )
+    return table(["parameter", "value [95 % interval]"], rows)
+
+
+def _shown(value: Value) -> str:
+    return f"{value.value:.3g} [{value.low:.3g}, {value.high:.3g}]"
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,262 @@
+"""Rotation from commands: estimates that hold in closed loop, and rollouts with an observer."""
+
+import json
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.stats import binom
+
+from quadctl.frames import GRAVITY_M_S2
+from quadctl.lab.arrays import Floats
+from quadctl.lab.rotation.innovations import Noise, first_order
+from quadctl.lab.rotation.parameters import Rotation, differences, fit_rotation
+from quadctl.lab.rotation.records import Delayed, Record
+from quadctl.lab.rotation.regression import change, changed, fit_ridge
+from quadctl.lab.rotation.rollout import (
+    Disturbances,
+    Driven,
+    Physics,
+    State,
+    Track,
+    errors,
+    held,
+    observe,
+    roll_out,
+    rotation_vector,
+    turned_by,
+)
+from tests.lab.rotation.closed_loop import VEHICLE, Truth, flights
+from tests.support.commands import Result
+from tests.support.places import DATA
+
+TRUTH = Truth()
+
+
+class TestFilters:
+    def test_the_solution_of_a_linear_equation_is_exact(self) -> None:
+        time_s = np.linspace(0.0, 2.0, 201)
+        for rate in (0.0, 1e-7, 3.0, -1.0):
+            found = first_order(np.ones(201), rate, 0.01)
+            true = time_s if abs(rate) < 1e-6 else (1.0 - np.exp(-rate * time_s)) / rate
+            # The forcing begins as a ramp over the step before.
+            assert found[1:] - found[0] * np.exp(-rate * time_s[1:]) == pytest.approx(true[1:], rel=1e-6)
+
+    @pytest.mark.parametrize("damping", [0.0, 3.0])
+    def test_the_noise_that_a_filter_is_made_for_leaves_it_white(self, damping: float) -> None:
+        noise, step_s, n = Noise(quick_s=0.03, slow_s=1.5, slow=2.0, sensor=0.02), 0.01, 40_000
+        random = np.random.default_rng(0)
+        rate, quick, slow, seen = 0.0, 0.0, 0.0, np.empty(n)
+        fine, per = step_s / 10.0, 10
+        draws = random.standard_normal((n * per, 2))
+        for k in range(n):
+            seen[k] = rate + noise.sensor * random.standard_normal()
+            for a, b in draws[k * per : (k + 1) * per]:
+                rate += fine * (quick + slow - damping * rate)
+                quick += -fine * quick / noise.quick_s + np.sqrt(2.0 * fine / noise.quick_s) * a
+                slow += -fine * slow / noise.slow_s + noise.slow * np.sqrt(2.0 * fine / noise.slow_s) * b
+        left = noise.of_rate(damping, step_s).whitened(seen)[500:]
+        wrong = Noise(0.03, 1.5, 0.02, 0.02).of_rate(damping, step_s).whitened(seen)[500:]
+
+        def correlation(x: Floats) -> float:
+            return max(abs(float(x[k:] @ x[:-k] / (x @ x))) for k in (1, 2, 5, 20))
+
+        assert correlation(left) < 0.03 < correlation(wrong)
+
+
+@pytest.fixture(scope="module")
+def records() -> list[Record]:
+    return flights(TRUTH, 3, 45.0)
+
+
+@pytest.fixture(scope="module")
+def found(records: list[Record]) -> Rotation:
+    return fit_rotation(records, VEHICLE)
+
+
+class TestInClosedLoop:
+    def test_gain_lag_damping_and_airspeed_moment_lie_in_their_intervals(self, found: Rotation) -> None:
+        for i, axis in enumerate(("roll", "pitch")):
+            told = found.told(axis)
+            assert told["gain"].low < TRUTH.gain(i) < told["gain"].high
+            assert told["lag_s"].low < TRUTH.lag_s < told["lag_s"].high
+            assert told["damping_1_s"].low < TRUTH.damping_1_s < told["damping_1_s"].high
+            assert told["airspeed"].low < (-1.0, 1.0)[i] * TRUTH.airspeed < told["airspeed"].high
+            assert told["gain"].high - told["gain"].low < 0.5 * TRUTH.gain(i)
+
+    def test_the_elasticity_of_the_thrust_lies_in_its_interval(self, records: list[Record], found: Rotation) -> None:
+        bend, weights = TRUTH.bend, -np.mean([r.force[:, 2] for r in records if r.force is not None]) / GRAVITY_M_S2
+        true = weights * (1.0 - bend + 2.0 * bend * found.hover) / (1.0 - bend + bend * found.hover)
+        told = found.thrust.found
+        assert told is not None and told.low < true < told.high < told.low + 0.2
+
+    def test_a_regression_of_the_angular_acceleration_misses_the_gain(
+        self, records: list[Record], found: Rotation
+    ) -> None:
+        """The commands hold what the controller knows of the disturbances; the regression takes it for an answer."""
+        wanted, columns = [], []
+        for r in records:
+            split = differences(r.command(False) / found.hover, found.thrust.value, VEHICLE)[:, 0]
+            assert r.airspeed is not None
+            columns.append(
+                np.column_stack(
+                    [Delayed(split, r.step_s).by(0.02, TRUTH.lag_s), r.rates[:, 0], r.airspeed[:, 1], 0.0 * split + 1.0]
+                )
+            )
+            wanted.append(np.gradient(r.rates[:, 0], r.step_s))
+        slope = np.linalg.lstsq(np.concatenate(columns), np.concatenate(wanted), rcond=None)[0][0]
+        assert not found.told("roll")["slope"].low < slope < found.told("roll")["slope"].high
+
+    def test_the_rotors_own_thrust_shows_in_their_commands(self, found: Rotation) -> None:
+        """Front right and back left are strong, so they are asked for less than their neighbours of the same spin."""
+        assert found.share[0] < found.share[3]
+        assert found.share.mean() == pytest.approx(1.0)
+
+    def test_what_was_not_flown_is_not_told(self, records: list[Record]) -> None:
+        blind = [Record(r.name, r.step_s, r.rates, r.drive, None, None, False, None) for r in records[:1]]
+        told = fit_rotation(blind, VEHICLE)
+        assert not told.drag and told.thrust.found is None and not told.gain
+        assert "slope" in told.told("roll") and "airspeed" not in told.told("roll")
+        assert json.loads(json.dumps(told.to_dict()))["drag"] == {}
+
+    def test_imu_and_commands_alone_tell_gain_and_lag(self, records: list[Record]) -> None:
+        alone = [replace(r, airspeed=None) for r in records]
+        for i, axis in enumerate(("roll", "pitch")):
+            told = fit_rotation(alone, VEHICLE).told(axis)
+            assert told["gain"].low < TRUTH.gain(i) < told["gain"].high
+            assert told["lag_s"].low < TRUTH.lag_s < told["lag_s"].high
+
+    @pytest.mark.long
+    @pytest.mark.timeout(3000)
+    def test_intervals_of_forty_flights_hold_the_truth(self) -> None:
+        """As often as 95 % intervals do, but for one chance in a thousand for each parameter."""
+        held: dict[str, list[bool]] = {}
+        for record in flights(TRUTH, 40, 63.0):
+            rotation = fit_rotation([record], VEHICLE)
+            pairs = []
+            for i, axis in enumerate(("roll", "pitch")):
+                values = rotation.axes[axis].values | {"gain": rotation.gain[axis]}
+                truth = {"gain": TRUTH.gain(i), "damping_1_s": TRUTH.damping_1_s, "lag_s": TRUTH.lag_s}
+                truth["airspeed"] = (-1.0, 1.0)[i] * TRUTH.airspeed
+                pairs += [(name, values[name], true) for name, true in truth.items()]
+                pairs.append(("drag", rotation.drag[f"d_{'xy'[i]}"].values["drag_1_s"], TRUTH.drag_1_s[i]))
+            for name, value, true in pairs:
+                held.setdefault(name, []).append(value.low <= true <= value.high)
+        least = {name: binom.ppf(0.001, len(of), 0.95) for name, of in held.items()}
+        assert all(sum(of) >= least[name] for name, of in held.items()), {n: np.mean(of) for n, of in held.items()}
+
+
+def hovering(force: Floats, moment: Floats, seconds: float = 8.0) -> tuple[Track, Driven]:
+    """A vehicle that a steady force, NED, m/s^2, and moment, rad/s^2, move from rest; 100 Hz."""
+    n, step_s = round(seconds / 0.01), 0.01
+    time_s = step_s * np.arange(n)[:, None]
+    rates = time_s * moment
+    attitude = turned_by(np.tile([1.0, 0.0, 0.0, 0.0], (n, 1)), 0.5 * time_s**2 * moment)
+    down = np.array([0.0, 0.0, 1.0])
+    # Yaw alone: the thrust keeps its direction.
+    velocity, position = time_s * force, 0.5 * time_s**2 * force
+    assert np.cross(moment, down) == pytest.approx(0.0)
+    return Track("made", step_s, position, velocity, attitude, rates, np.ones((n, 4))), Driven(
+        np.zeros((n, 3)), np.zeros(n), np.zeros(n)
+    )
+
+
+PHYSICS = Physics((100.0, 100.0, 20.0), (0.0, 0.0, 0.0), (0.0, 0.0), 1.3, (0.0, 0.0, 0.0))
+STEADY = Noise(0.03, 20.0, 3.0, 0.02)
+
+
+class TestRollouts:
+    def test_the_observer_finds_a_steady_disturbance_and_the_rollout_goes_on_with_it(self) -> None:
+        force, moment = np.array([0.3, -0.2, 0.5]), np.array([0.0, 0.0, 0.4])
+        track, driven = hovering(force, moment)
+        seen = observe(track, driven, PHYSICS, Disturbances((STEADY,) * 3, (STEADY,) * 3))
+        assert (seen[0].slow + seen[0].quick)[400] == pytest.approx(moment, abs=0.02)
+        assert (seen[1].slow + seen[1].quick)[400] == pytest.approx(force, abs=0.02)
+        rows = np.arange(400, 600, 20)
+        (end,) = roll_out(track, driven, PHYSICS, seen, rows, [50])
+        assert np.all(errors(end, track, rows + 50) < 0.1 * errors(held(track, rows, 50), track, rows + 50))
+
+    def test_the_observer_knows_nothing_later(self) -> None:
+        track, driven = hovering(np.array([0.3, 0.0, 0.0]), np.zeros(3))
+        other, _ = hovering(np.array([0.3, 0.0, 0.0]), np.zeros(3))
+        other.velocity[500:] += 3.0
+        noise = Disturbances((STEADY,) * 3, (STEADY,) * 3)
+        one, two = (observe(t, driven, PHYSICS, noise)[1] for t in (track, other))
+        np.testing.assert_array_equal(one.slow[:500], two.slow[:500])
+        assert not np.allclose(one.slow[500:], two.slow[500:])
+
+    def test_a_step_of_thrust_and_moment_is_integrated(self) -> None:
+        track, driven = hovering(np.zeros(3), np.zeros(3))
+        driven.mean[:] = 0.1
+        driven.differences[:, 0] = 0.01
+        still = observe(*hovering(np.zeros(3), np.zeros(3)), PHYSICS, Disturbances((STEADY,) * 3, (STEADY,) * 3))
+        (end,) = roll_out(track, driven, PHYSICS, still, np.array([300]), [20])
+        assert end.rates[0] == pytest.approx([0.2, 0.0, 0.0], abs=1e-6)
+        assert rotation_vector(track.attitude[:1], end.attitude)[0, 0] == pytest.approx(0.02, rel=1e-3)
+        assert end.velocity[0, 2] == pytest.approx(-0.13 * GRAVITY_M_S2 * 0.2, rel=1e-2)
+
+
+class TestRidge:
+    def test_a_change_leads_back_to_its_end(self) -> None:
+        random = np.random.default_rng(3)
+        q = random.standard_normal((2, 5, 4))
+        q /= np.linalg.norm(q, axis=2, keepdims=True)
+        start, end = (State(*random.standard_normal((2, 5, 3)), q[i], random.standard_normal((5, 3))) for i in (0, 1))
+        back = changed(start, change(start, end, 0.5), 0.5)
+        np.testing.assert_allclose(back.position, end.position)
+        np.testing.assert_allclose(back.velocity, end.velocity)
+        np.testing.assert_allclose(back.rates, end.rates)
+        assert rotation_vector(back.attitude, end.attitude) == pytest.approx(0.0, abs=1e-9)
+
+    def test_a_linear_map_is_found_and_noise_is_not(self) -> None:
+        random = np.random.default_rng(4)
+        weights = np.array([[1.0, 0.0], [-2.0, 0.0], [0.5, 0.0]])
+        x = [random.standard_normal((300, 3)) for _ in range(5)]
+        y = [f @ weights + np.array([[0.1, 1.0]]) * random.standard_normal((300, 2)) for f in x]
+        fit = fit_ridge(x, y)
+        assert fit.predict(np.eye(3))[:, 0] - fit.predict(np.zeros((1, 3)))[0, 0] == pytest.approx(
+            weights[:, 0], abs=0.05
+        )
+        assert np.abs(fit.predict(np.eye(3))[:, 1]).max() < 0.25
+
+
+SIH = DATA / "px4"
+
+
+@pytest.mark.skipif(not SIH.is_dir(), reason="the logs of PX4 are not here")
+def test_the_command_tells_the_drag_of_the_simulator_and_no_more_than_was_flown(
+    quadctl: Callable[..., Result], tmp_path: Path
+) -> None:
+    """PX4's SIH has a drag of 1.0 1/s; the runs were along x alone."""
+    out = tmp_path / "rotation.json"
+    shown = quadctl("rotation", str(SIH / "sih_quadx.yaml"), str(SIH / "B_forward.ulg"), "--json", str(out))
+    assert shown.status == 0, shown.err
+    found = json.loads(out.read_text())
+    low, high = found["drag"]["d_x"]["ci95"]
+    assert low < 1.0 < high < 1.2
+    assert "d_y" not in found["drag"]
+    assert "d_x = " in shown.out
+
+
+@pytest.mark.skipif(not SIH.is_dir(), reason="the logs of PX4 are not here")
+def test_a_log_of_px4_without_position_tells_its_hover_throttle_and_what_it_cannot_tell(
+    quadctl: Callable[..., Result], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    """A vehicle of 1 kg, whose rotors give 20 N: it hovers at 0.49 of its output."""
+    from quadctl.logs import ulog
+
+    known = {"vehicle_angular_velocity", "sensor_combined", "actuator_motors", "actuator_armed"}
+    monkeypatch.setattr(ulog, "TOPICS", [name for name in ulog.TOPICS if name in known])
+    logs = [str(SIH / name) for name in ("A_staircase.ulg", "B_forward.ulg")]
+    refused = quadctl("compare", str(SIH / "sih_quadx.yaml"), logs[1])
+    assert refused.status != 0 and "x_m" in refused.err
+    out = tmp_path / "rotation.json"
+    shown = quadctl("rotation", str(SIH / "sih_quadx.yaml"), *logs, "--json", str(out))
+    assert shown.status == 0, shown.err
+    assert "Not told without velocity: drag" in shown.out
+    found = json.loads(out.read_text())
+    assert found["drag"] == {} and not any("airspeed" in axis for axis in found["axes"].values())
+    assert found["hover_command"] == pytest.approx(0.49, abs=0.01)
+    assert all({"slope", "gain"} <= set(axis) or not axis for axis in found["axes"].values())
