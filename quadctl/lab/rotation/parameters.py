@@ -243,7 +243,7 @@ class Rotation:
         """Parameters of an axis whose intervals can be trusted: none where its innovations are not white, or slope or
         lag are not told; no lag that may be 0, no damping at a bound, no moment of an airspeed that hardly changed."""
         fit = self.axes[axis]
-        if not fit.white or fit.values["slope"].low <= 0.0 or "lag_s" in fit.at_bound:
+        if not is_told(fit):
             return {}
         shown = {"slope": fit.values["slope"]}
         if axis in self.gain:
@@ -267,12 +267,17 @@ class Rotation:
         }
 
 
+def is_told(fit: Estimated) -> bool:
+    """Tell whether the commands have turned an axis, as far as its prediction errors are white."""
+    return fit.white and fit.values["slope"].low > 0.0 and "lag_s" not in fit.at_bound
+
+
 def fit_rotation(records: Sequence[Record], vehicle: Vehicle) -> Rotation:
     """Estimate rotation, thrust map and drag from these flights; the map first with the lag that the gyro shows."""
     first = ThrustMap(1.0, False, None)
     rough = fit_axis(records, vehicle, 0, hover_command(records, False), first)
     lag = rough.values["lag_s"]
-    thrust = fit_thrust_map(records, lag if lag.low > 0.0 and "lag_s" not in rough.at_bound else None)
+    thrust = fit_thrust_map(records, lag if is_told(rough) and lag.low > 0.0 else None)
     hover = hover_command(records, thrust.by_voltage)
     axes = {name: fit_axis(records, vehicle, i, hover, thrust) for i, name in enumerate(AXES)}
     with_force = all(r.force is not None for r in records)

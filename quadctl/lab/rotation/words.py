@@ -26,7 +26,8 @@ def answer(found: Rotation) -> RenderableType:
     for key, name, unit in ROWS:
         if any(key in values for values in told.values()):
             table.add_row(name, *(_shown(values.get(key)) for values in told.values()), unit)
-    return Group(table, Text("\n".join([*_thrust(found), *_untold(found)])))
+    said = Text("\n".join([*_thrust(found), *_untold(found)]))
+    return Group(table, said) if table.rows else said
 
 
 def _shown(value: Value | None) -> str:

@@ -197,12 +197,6 @@ def is_measured(c: Candidate, rule: Rule = RULE) -> bool:
     return c.distinct and is_there(c, rule)
 
 
-def is_more_than_usual(c: Candidate, rule: Rule = RULE) -> bool:
-    """Tell whether an effect is more than on any vehicle, or most of the error of an axis, be it of a moment or of the
-    accelerometer."""
-    return not c.effect.negligible() or c.largest_drop >= rule.most
-
-
 def without_stand_ins(supported: Sequence[Candidate], tried: Sequence[Candidate], rule: Rule = RULE) -> list[Candidate]:
     """Supported candidates that explain more of the acceleration than any that is there, but too small to be missing.
 

@@ -10,7 +10,7 @@ from collections.abc import Container, Sequence
 from quadctl.lab.fitting.fitted_model import FittedModel
 from quadctl.lab.fitting.initial_guesses import Unmodelled
 from quadctl.lab.selection.candidate import Candidate
-from quadctl.lab.selection.rule import are_alike, is_as_good, is_measured, is_more_than_usual, is_supported, score
+from quadctl.lab.selection.rule import are_alike, is_as_good, is_measured, is_supported, is_usual, score
 from quadctl.lab.selection.search import Path
 from quadctl.lab.selection.trial import try_effect
 
@@ -46,7 +46,7 @@ def small_beside(path: Path, measured: Sequence[Candidate]) -> list[list[Candida
         rest = [c for c in found if c is not chosen]
         found = _tried(path, chosen.fit(path.dataset), rest, len(groups) + 1)
         still = {c.family for c in found}
-        if is_more_than_usual(chosen, path.rule):
+        if not is_usual(chosen, path.rule):
             groups.append([chosen, *(c for c in alike if c is not chosen and c.family not in still)])
     return groups
 

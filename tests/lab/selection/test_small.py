@@ -14,7 +14,7 @@ from quadctl.lab.comparison.open_loop import OFF_M, STEP_S, off_after_s
 from quadctl.lab.finding import Kind
 from quadctl.lab.flights.dataset import load_dataset
 from quadctl.lab.selection.diagnosis import Diagnosis, diagnose
-from quadctl.lab.selection.rule import is_more_than_usual
+from quadctl.lab.selection.rule import is_usual
 from quadctl.model import Model
 from quadctl.vehicle import Vehicle
 from quadctl.web.session.findings import Findings
@@ -55,10 +55,10 @@ class TestVerdict:
     def test_what_every_vehicle_has_is_not_small(self, weak: Diagnosis) -> None:
         like = weak.small[0][0]
         usual = replace(like, effect=ConstantScale(1.01))
-        assert not is_more_than_usual(usual)
-        assert is_more_than_usual(replace(like, effect=ConstantScale(1.02)))
+        assert is_usual(usual)
+        assert not is_usual(replace(like, effect=ConstantScale(1.02)))
         most = replace(usual, after={axis: 0.4 * error for axis, error in usual.before.items()})
-        assert is_more_than_usual(most)
+        assert not is_usual(most)
 
 
 class TestAnswer:
