@@ -25,6 +25,7 @@ FOLDS = 3
 FAMILIES = (("B2", "B6", "B7"), ("B3",), ("B5", "B8"), ("B9",))
 """Shapes of trajectory that are left out together."""
 TOLD_S = 0.5
+HEADINGS = ("model", "position m", "velocity m/s", "rotation rad", "rates rad/s")
 
 
 def main() -> None:
@@ -107,7 +108,7 @@ def _page(
             + ").",
             _errors(unseen, HORIZONS_S.index(TOLD_S)),
             "## Errors at other horizons, repetitions",
-            *(f"After {h:g} s:\n\n{_errors(repeated, i)}" for i, h in enumerate(HORIZONS_S) if h != TOLD_S),
+            _others(repeated),
             "## What was found",
             wrapped(parameters).strip(),
             _parameters(rotation),
@@ -124,7 +125,16 @@ def _errors(found: dict[str, list[Floats]], horizon: int) -> str:
         half = 1.96 * values.std(axis=0, ddof=1) / np.sqrt(len(values))
         cells = [f"{m:.3g} ± {h:.1g}" for m, h in zip(values.mean(axis=0), half, strict=True)]
         rows.append([name, *cells])
-    return table(["model", "position m", "velocity m/s", "rotation rad", "rates rad/s"], rows)
+    return table(list(HEADINGS), rows)
+
+
+def _others(found: dict[str, list[Floats]]) -> str:
+    rows = []
+    for i, horizon_s in enumerate(HORIZONS_S):
+        if horizon_s != TOLD_S:
+            means = {name: np.mean([f[i] for f in flights], axis=0) for name, flights in found.items()}
+            rows += [[f"{horizon_s:g}", name, *(f"{m:.3g}" for m in mean)] for name, mean in means.items()]
+    return table(["after s", *HEADINGS], rows, texts=(1,))
 
 
 def _parameters(rotation: Rotation) -> str:
