@@ -196,7 +196,11 @@ class Diagnosis(Result):
     def __rich__(self) -> RenderableType:
         missing = {step.effect for step in self.steps}
         supported = [c for c in self.ranking if c.effect.name in missing or is_supported(c)]
-        title = "Missing effects (*), each beside those before it, and others that explain as much"
+        title = (
+            "Missing effects (*), each beside those before it, and others that explain as much"
+            if self.missing
+            else "Supported by themselves, but no answer to what is left"
+        )
         tables = [_table(title, supported, missing)] if supported else []
         rest = len(self.ranking) - len(supported)
         more = f"Not supported are {rest} further effects, and {len(self.untried)} were not tried: --all tells why."
