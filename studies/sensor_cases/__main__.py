@@ -32,7 +32,8 @@ force. *Within* counts true values in their 95 % intervals. The command prints e
 
 The method was mended with earlier tables of these cases in sight. On 66 other draws with hidden errors it named 43 of
 44 errors of the air speed and 42 of 44 of the ground, none falsely; 151 of 168 hidden coefficients and 218 of 228 zeros
-were within their intervals, 15 of 18 errors at the ground. In 18 other flights without an error one got a false name.
+were within their intervals, 15 of 18 errors at the ground. In 18 other flights without an error, in
+sight too, no name was false.
 """
 
 

@@ -445,7 +445,8 @@ def _named(flights: Sequence[Heights], fit: _Fit, errors: Sequence[SensorError],
     std = np.sqrt(np.maximum(np.diag(covariance), 0.0))
     known = std < TELLS * np.array([(p.high - p.low) / 4.0 for p in error.parameters() if p.name in names])
     ratio = float(value[known] @ np.linalg.pinv(covariance[np.ix_(known, known)]) @ value[known])
-    tries = np.prod([len(values) for values in error.scales.values()], initial=1.0)
+    held_scales = [values for name, values in error.scales.items() if (error.name, name) not in fit.places]
+    tries = np.prod([len(values) for values in held_scales], initial=1.0)  # freed, they are in the covariance
     bounds = {parameter.name: (parameter.low, parameter.high) for parameter in error.parameters()}
     held = [min(max(v, bounds[name][0]), bounds[name][1]) for name, v in zip(names, value.tolist(), strict=True)]
     fitted = replace(error, **dict(zip(names, held, strict=True)))
