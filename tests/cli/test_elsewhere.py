@@ -53,6 +53,7 @@ remove exponential fitted.yaml -o less.yaml
 export drag.yaml --to px4 -o drag.params
 export fitted.yaml --to numpy -o dynamics.py
 tune leaning.csv --config config/flight.yaml
+rotation config/vehicles/raptor.yaml one.csv
 metrics one.csv --setpoint 0.6 --from 5 --to 20
 report fitted.yaml one.csv --paper paper
 thrust-stand config/vehicles/raptor.yaml --from stand.csv -o stand.yaml --plot stand.png

@@ -70,6 +70,7 @@ def test_older_firmware_gets_its_own_switch_and_nothing_that_it_lacks(
     model = tmp_path / "body.yaml"
     save_model(Model(load_vehicle(RAPTOR)).plus(QuadraticDrag(0.05, 0.05, 0.0), fitted), model)
     px, port = SimulatedAutopilot(load_vehicle(RAPTOR)), free_port()
+    del px.parameters["EKF2_DRAG_CTRL"]  # which came with 1.14
     px.parameters |= {"EKF2_AID_MASK": 1.0, "EKF2_BCOEF_X": 22.0, "EKF2_BCOEF_Y": 25.0}
     before = dict(px.parameters)
     url = f"udpin://127.0.0.1:{port}"

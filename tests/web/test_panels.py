@@ -1124,11 +1124,10 @@ class TestOpenTab:
         first = view.results.found.diagnosis.ranking[0]
         little = {name: 0.999 * error for name, error in first.before.items()}
         small = replace(first, after=little, p_value=1e-9)
-        nothing = replace(view.results.found.diagnosis, verdict="none", missing=[], ranking=[small], steps=[])
+        nothing = replace(view.results.found.diagnosis, verdict="small", missing=[], ranking=[small], steps=[])
+        nothing = replace(nothing, small=[[small]])
         results = replace(view.results, found=Diagnosed(nothing, {}))
         shown = str(tabs("missing", replace(view, results=results)).shown)
-        assert "No effect of the catalogue reduces the held-out error " in shown
-        assert "p below 0.01" in shown  # what is enough
         assert "Measured, but small in these flights: ground_effect." in shown
         assert "Why not: it is there, but small: " in shown
 
@@ -1138,6 +1137,8 @@ class TestOpenTab:
         view = _nothing_found(views["at first"], error_m_s2=0.323, floor_m_s2=0.186)
         shown = str(tabs("missing", view).shown)
         assert "No known effect is missing, but not all of the error is noise." in shown
+        assert "No effect of the catalogue reduces the held-out error " in shown
+        assert "p below 0.01" in shown  # what is enough
         assert "An error of 0.323 m/s² remains." in shown
         assert "explains 67% of its square" in shown and "leaves 0.19 m/s²" in shown
         assert "without thrust it explains 1%" in shown

@@ -2,8 +2,8 @@
 
 Forward selection tries every effect on top of the model, judges it on held-out data, adds the best supported one, and
 repeats until none is supported. Pruning then removes effects that the later ones made superfluous. The search is
-repeated without each effect found that has a rival. A path is a value: each of these is a function from a path to a
-path.
+repeated without each effect found that has a rival, and a pair is replaced where one confounded effect explains as much
+alone. A path is a value: each of these is a function from a path to a path.
 """
 
 import time
@@ -28,6 +28,7 @@ from quadctl.lab.selection.rule import (
     are_alike,
     choose,
     indistinct,
+    is_as_good,
     is_look_alike,
     is_masked,
     is_needed,
@@ -86,6 +87,11 @@ class Path:
         return self.start.dataset
 
     @property
+    def passed_over(self) -> list[Candidate]:
+        """Confounded effects of the first round: plausible, but not distinguished from another effect."""
+        return [c for c in self.at_start.values() if is_look_alike(c, self.rule)]
+
+    @property
     def first(self) -> list[Candidate]:
         """Supported candidates of the first round, the best first, and those that lack nothing but significance."""
         tried = list(self.at_start.values())
@@ -124,6 +130,7 @@ def search(start: FittedModel, pool: Sequence[type[Effect]], progress: Progress,
     """Search `pool` for the effects that the fitted model `start` is missing."""
     path = pruned(forward(begun_at(start, rule), pool, progress))
     path = with_one_dropped(with_masked_first(path, pool, progress), pool, progress)
+    path = with_pair_replaced(path, pool, progress)
     return largest_first(with_other_variant(path, pool), len(pool))
 
 
@@ -249,6 +256,21 @@ def _has_rival(path: Path, family: str) -> bool:
     explained = {c.family: c.explained_m_s2**2 for c in reversed(path.first)}
     least = path.rule.most * explained.get(family, 0.0)
     return any(other > least for name, other in explained.items() if name != family)
+
+
+def with_pair_replaced(path: Path, pool: Sequence[type[Effect]], progress: Progress) -> Path:
+    """Path, or a path to a single confounded effect of the first round that explains as much as the pair found."""
+    for candidate in sorted(path.passed_over, key=lambda c: score(c.residual, path.rule)):
+        if len(path.missing) != 2 or candidate.family in path.missing:
+            continue
+        other = taken(path.restarted(), candidate)
+        if not is_as_good(other.residual, path.residual, path.dataset, path.rule):
+            continue
+        instead = f"with {candidate.effect.name} instead of {' and '.join(path.missing)}"
+        other = pruned(forward(other, pool, _prefixed(instead, progress)))
+        if other.missing == (candidate.family,):
+            return replace(other, confounded=(*other.confounded, (candidate.family, path.missing[-1])))
+    return path
 
 
 def with_other_variant(path: Path, pool: Sequence[type[Effect]]) -> Path:
