@@ -226,8 +226,8 @@ def box_moment(time_s: float, body: Body) -> Floats:
     SECOND,
     "x500",
     Honest(
-        "body_drag with an area_x of 0.035 m² (10 % for the air's density), or unexplained",
-        {"body_drag"},
+        "body_drag with an area_x of 0.035 m² (10 % for the air's density), and its moment, or unexplained",
+        {"body_drag", "airspeed_moment"},
         {"unexplained"},
         {"body_drag.quadratic area_x_m2": (0.0315, 0.0385)},
     ),
