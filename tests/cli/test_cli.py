@@ -320,6 +320,17 @@ def test_the_installed_command_runs() -> None:
         assert command in done.stdout
 
 
+def test_a_flight_whose_reader_leaves_goes_on(tmp_path: Path) -> None:
+    """As with `quadctl simulate ... | head -1`: nothing more is read, and everything is written."""
+    line = [sys.executable, "-m", "quadctl", "simulate", MISSION, "--json", "flown.json"]
+    flying = subprocess.Popen(line, cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    assert flying.stdout is not None
+    flying.stdout.close()
+    _, errors = flying.communicate()
+    assert (flying.returncode, errors) == (0, "")
+    assert json.loads((tmp_path / "flown.json").read_text())["completed"]
+
+
 def test_what_flies_loads_no_analysis_library() -> None:
     code = (
         "import sys, quadctl.cli, quadctl.flight.session, quadctl.sitl.run\n"
