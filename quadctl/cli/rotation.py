@@ -29,7 +29,7 @@ def rotation(
     from quadctl.model import load_model
 
     loaded = load_model(vehicle).vehicle
-    records = [record_of(log, loaded.n_rotors) for log in without_copies([read_imu_log(path) for path in logs])]
+    records = [record_of(log, loaded) for log in without_copies([read_imu_log(path) for path in logs])]
     with console.status("estimating"):
         found = fit_rotation(records, loaded)
     console.print(answer(found))

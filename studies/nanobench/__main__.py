@@ -36,7 +36,7 @@ def main() -> None:
     begin = time.monotonic()
     vehicle = load_vehicle(arguments.folder / "crazyflie21.yaml")
     logs = [read_by_map(p, ROOT / "config" / "maps" / "nanobench.yaml") for p in sorted(arguments.folder.glob("*.csv"))]
-    flights = [flight_of(log, log.name.split("_")[0]) for log in without_copies(logs) if not complaints(log)]
+    flights = [flight_of(log, log.name.split("_")[0], vehicle) for log in without_copies(logs) if not complaints(log)]
     rotation = fit_rotation([f.record for f in flights], vehicle)
 
     def errors(test_of: Callable[[int, Flight], int], parts: int) -> dict[str, list[Floats]]:

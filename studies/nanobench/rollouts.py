@@ -52,7 +52,7 @@ class Flight:
         return np.arange(round(OBSERVED_S / STEP_S), end, every)
 
 
-def flight_of(log: FlightLog, shape: str) -> Flight:
+def flight_of(log: FlightLog, shape: str, vehicle: Vehicle) -> Flight:
     """The part of a log that flies."""
     high = np.flatnonzero(log["z_m"] > ABOVE_M)
     begin, end = float(log.time_s[high[0]]) + 0.5, float(log.time_s[high[-1]]) - 0.5
@@ -72,7 +72,7 @@ def flight_of(log: FlightLog, shape: str) -> Flight:
         on_clock(RATES),
         on_clock(motor_columns(4, "output")),
     )
-    return Flight(shape, record_of(log, 4, (begin, end)), track)
+    return Flight(shape, record_of(log, vehicle, (begin, end)), track)
 
 
 @dataclass(frozen=True, eq=False)

@@ -179,15 +179,28 @@ def _without_spikes(channels: list[Channel], limit: float, what: str, findings: 
     return [Channel(time, value) for value in values[:, kept]]
 
 
+def refuse_other_rotors(log: FlightLog, vehicle: Vehicle) -> None:
+    """Refuse a log of a vehicle with another number of rotors, by their speeds, or else by their outputs.
+
+    Raises
+    ------
+    LogError
+        The numbers differ.
+    """
+    by_speed = bool(log.n_rotors and log.has("motor1_rpm"))
+    last = max((motor_of(name) or 0 for name in log.columns if name.endswith("_output") and log.has(name)), default=0)
+    found, what = (
+        (log.n_rotors, f"speeds of {log.n_rotors} rotors") if by_speed else (last, f"outputs of {last} motors")
+    )
+    if found not in (0, vehicle.n_rotors):
+        raise LogError(f"{log.name}: has the {what}, expected {vehicle.n_rotors} as the vehicle '{vehicle.name}' has")
+
+
 def _rotorsignals_of(log: FlightLog, vehicle: Vehicle) -> tuple[list[Channel], str]:
     """Nominal thrust of each rotor from the rpm, else from the motor outputs or the throttle by the vehicle's curve,
     else from the commanded thrust."""
+    refuse_other_rotors(log, vehicle)
     if log.n_rotors and log.has("motor1_rpm"):
-        if log.n_rotors != vehicle.n_rotors:
-            raise LogError(
-                f"{log.name}: has the speeds of {log.n_rotors} rotors, "
-                f"expected {vehicle.n_rotors} as the vehicle '{vehicle.name}' has"
-            )
         names = rpm_columns(vehicle.n_rotors)
         k = vehicle.rotor.thrust_n_per_rpm2
         if come_in_turn(log, names):
@@ -198,11 +211,6 @@ def _rotorsignals_of(log: FlightLog, vehicle: Vehicle) -> tuple[list[Channel], s
         return [Channel(log.time_s[rows], k * log[name][rows] ** 2) for name in names], ROTOR_SPEED
     curve, n = vehicle.throttle, vehicle.n_rotors
     outputs = motor_columns(n, "output")
-    last = max((motor_of(name) or 0 for name in log.columns if name.endswith("_output") and log.has(name)), default=0)
-    if last not in (0, n):
-        raise LogError(
-            f"{log.name}: has the outputs of {last} motors, expected {n} as the vehicle '{vehicle.name}' has"
-        )
     if all(log.has(name) for name in outputs):
         rows = updates_of(log, outputs)
         found = [np.maximum(log[name][rows] - curve.offset, 0.0) / (curve.per_newton * n) for name in outputs]

@@ -11,16 +11,18 @@ from quadctl.effects.motor_lag import lagged
 from quadctl.errors import LogError
 from quadctl.frames import quaternion_from_euler, rotate_inverse
 from quadctl.lab.arrays import Floats
+from quadctl.lab.flights.channels import refuse_other_rotors, without_absent_motors
 from quadctl.logs.columns import motor_columns, rpm_columns
+from quadctl.logs.findings import Span
 from quadctl.logs.flight_log import ATTITUDE, IMU, RATES, VELOCITY, FlightLog
+from quadctl.logs.record.flight_time import driven, usable
+from quadctl.logs.record.record import examine
+from quadctl.vehicle import Vehicle
 
 LEAST_HZ, MOST_HZ = 40.0, 250.0
 """Update rate of the gyro below which a rotor lag is lost between samples, and the largest step rate of a record."""
 LEAST_S = 8.0
-FLYING = 0.5
-"""Least specific force along the thrust axis in flight, over gravity, and least output over its median."""
-TRIM_S = 2.0
-"""Time left out at both ends of a flight: on the ground, at take-off and landing other forces act."""
+"""Time that is needed of a flight."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,20 +49,22 @@ class Record:
         return self.drive * self.voltage[:, None] if by_voltage and self.voltage is not None else self.drive
 
 
-def record_of(log: FlightLog, n_rotors: int, span_s: tuple[float, float] | None = None) -> Record:
-    """The part of a log that flies, by its outputs and its accelerometer, or the part `span_s`.
+def record_of(log: FlightLog, vehicle: Vehicle, span_s: Span | None = None) -> Record:
+    """The longest part of a log that can be used, or the part `span_s`.
 
     Raises
     ------
     LogError
-        The log has no gyro or no outputs, or they are too slow or too short.
+        The log has no gyro or no outputs, of other rotors than the vehicle, or they are too slow or too short.
     """
+    log, n_rotors = without_absent_motors(log, vehicle.n_rotors, []), vehicle.n_rotors
+    refuse_other_rotors(log, vehicle)
     drive = next((c for c in (rpm_columns(n_rotors), motor_columns(n_rotors, "output")) if all(map(log.has, c))), None)
     if drive is None or not all(map(log.has, RATES)):
         raise LogError(f"{log.name}: has no body rates or no rotor outputs, expected both to learn how it rotates")
     rate_hz = _rate_hz(log, RATES, "body rates")
     _rate_hz(log, drive, "rotor outputs")
-    begin, end = span_s if span_s is not None else _flying(log, drive)
+    begin, end = span_s or _longest_usable(log, "rpm" if drive[0].endswith("rpm") else "motor output")
     step_s = 1.0 / min(rate_hz, MOST_HZ)
     if end - begin < LEAST_S:
         raise LogError(f"{log.name}: flies for {max(end - begin, 0.0):.0f} s, expected at least {LEAST_S:.0f} s")
@@ -89,6 +93,12 @@ def record_of(log: FlightLog, n_rotors: int, span_s: tuple[float, float] | None 
     )
 
 
+def _longest_usable(log: FlightLog, source: str) -> Span:
+    """The longest stretch that the record leaves to an analysis; without a height, in which the rotors work."""
+    spans = examine(log).usable if log.has("z_m") else usable(driven(log, source), ())
+    return max(spans, key=lambda span: span[1] - span[0], default=(0.0, 0.0))
+
+
 def _rate_hz(log: FlightLog, names: Sequence[str], called: str) -> float:
     """Median rate at which a channel is updated; refuses one that is too slow."""
     rows = log.updates(*names)
@@ -96,16 +106,6 @@ def _rate_hz(log: FlightLog, names: Sequence[str], called: str) -> float:
     if rate_hz < LEAST_HZ:
         raise LogError(f"{log.name}: its {called} come at {rate_hz:.0f} Hz, expected at least {LEAST_HZ:.0f}")
     return rate_hz
-
-
-def _flying(log: FlightLog, drive: Sequence[str]) -> tuple[float, float]:
-    """First and last second of the longest part in which the rotors carry the vehicle, ends left out."""
-    mean = np.mean([log[name] for name in drive], axis=0)
-    on = mean > FLYING * np.nanmedian(mean[mean > 0.0]) if np.any(mean > 0.0) else np.zeros(len(mean), bool)
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], on.astype(int), [0]])))
-    spans = [(log.time_s[a], log.time_s[b - 1]) for a, b in zip(edges[::2], edges[1::2], strict=True)]
-    begin, end = max(spans, key=lambda s: s[1] - s[0], default=(0.0, 0.0))
-    return float(begin) + TRIM_S, float(end) - TRIM_S
 
 
 @dataclass(frozen=True, eq=False)

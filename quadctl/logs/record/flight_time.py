@@ -97,6 +97,13 @@ def flight_time(log: FlightLog, thrust_source: str | None) -> FlightTime:
     return FlightTime(tuple(flights), tuple(inside), tuple(rests), upside_down)
 
 
+def driven(log: FlightLog, thrust_source: str) -> tuple[Span, ...]:
+    """Stretches in which the rotors work: the flights, as far as a log without a height tells them."""
+    drive = np.nan_to_num(np.asarray(thrust_drive(log, thrust_source)))
+    working = _mostly(log.time_s, drive > WORKING_SHARE * flown_drive(log.time_s, drive))
+    return tuple((float(log.time_s[first]), float(log.time_s[last])) for first, last in _runs(working, log.time_s))
+
+
 def usable(flights: Iterable[Span], left_out: Iterable[Span]) -> tuple[Span, ...]:
     """Flights without their ends, and without what is left out."""
     trimmed = [(begin + TRIM_START_S, end - TRIM_END_S) for begin, end in flights]

@@ -30,7 +30,7 @@ from quadctl.lab.rotation.rollout import (
 )
 from tests.lab.rotation.closed_loop import VEHICLE, Truth, flights
 from tests.support.commands import Result
-from tests.support.places import DATA
+from tests.support.places import DATA, ROOT
 
 TRUTH = Truth()
 
@@ -262,3 +262,9 @@ def test_a_log_of_px4_without_position_tells_its_hover_throttle_and_what_it_cann
     assert found["drag"] == {} and not any("airspeed" in axis for axis in found["axes"].values())
     assert found["hover_command"] == pytest.approx(0.49, abs=0.01)
     assert all({"slope", "gain"} <= set(axis) or not axis for axis in found["axes"].values())
+
+
+@pytest.mark.skipif(not SIH.is_dir(), reason="the logs of PX4 are not here")
+def test_a_log_of_other_rotors_than_the_vehicles_is_refused(quadctl: Callable[..., Result]) -> None:
+    refused = quadctl("rotation", str(ROOT / "config/vehicles/f550.yaml"), str(SIH / "B_forward.ulg"))
+    assert refused.status == 1 and "has the outputs of 4 motors, expected 6 as the vehicle" in refused.err
