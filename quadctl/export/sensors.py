@@ -29,7 +29,7 @@ class SensorDialect(NamedTuple):
     switch: str
     """Parameter that is 1 where the coefficients are used; empty where none is theirs alone."""
     note: str
-    """What else their use depends on."""
+    """Further conditions of their use."""
     throttle: str
     """Pressure at full throttle, Pa; empty where it has none."""
     dead_band: str

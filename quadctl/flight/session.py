@@ -72,7 +72,7 @@ def fly_real_time(
 
 
 class _Session(NamedTuple):
-    """What one flight is given."""
+    """Parts that one flight is given."""
 
     plan: FlightPlan
     autopilot: Autopilot

@@ -54,7 +54,7 @@ assumed: [{assumed}]  # take away what you have measured
 
 @unique
 class Source(Kinds):
-    """Where a number of the draft comes from, each with the template of its words."""
+    """Sources of the numbers of the draft, each with the template of its words."""
 
     PLACES_TOLD = "from CA_ROTOR*, where PX4 needs no true distances: measure them"
     DIRECTIONS_TOLD = "as CA_ROTOR*"

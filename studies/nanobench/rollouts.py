@@ -169,7 +169,7 @@ class _Windows:
     start: State
     plain: Floats
     informed: Floats
-    """What a correction of the physics knows: also the forecast and the observed disturbances."""
+    """Inputs of a correction of the physics: also the forecast and the observed disturbances."""
     change: Floats
     guess: Floats
 

@@ -132,7 +132,7 @@ FIRMWARES = {
 }
 OF_SPEED = {"forward": 0.15, "backward": -0.12, "right": 0.1}
 NOISE_M = 0.01
-"""Of the range finder, which tells the error of the height."""
+"""Noise of the range finder, which tells the error of the height."""
 
 
 def flown(firmware: Firmware, parameters: dict[str, float], where: Path, seed: int) -> FlightLog:

@@ -50,7 +50,7 @@ ADVICE = {
     "udpin": "that it sends MAVLink to this port (a simulator: 14540) and that no other program holds it",
     "": "the host, the port and that its MAVLink server is running",
 }
-"""What to check about a silent link, by the beginning of its URL."""
+"""Advice about a silent link, by the beginning of its URL."""
 
 
 class MavsdkLink:

@@ -11,7 +11,7 @@ class Kind(Kinds):
     """Kinds of reasons, each with the template of its words."""
 
     TOLD = "{text}"
-    """What somebody else says: the autopilot, its link, the user."""
+    """Words of somebody else: the autopilot, its link, the user."""
     # --- the state ---
     HEARTBEAT_LOST = "the autopilot's heartbeat is lost"
     NEVER_CAME = "the {part} never came"

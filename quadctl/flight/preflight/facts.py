@@ -12,7 +12,7 @@ LAG_MAY_DIFFER = "the lag may differ: fly excitation and run `quadctl fit` again
 @unique
 class Kind(Kinds):
     TOLD = "{text}"
-    """What another part, a file or the autopilot says."""
+    """Words of another part, of a file or of the autopilot."""
     SEVERAL = "{facts:further}"
     BOTH = "{facts:and}"
     # --- mission and compensator ---

@@ -193,7 +193,7 @@ def estimate(
 
 
 def _stacked(flights: Sequence[Regression]) -> tuple[Floats, Floats]:
-    """What is wanted, shape (n,), and the shared columns, shape (n, p), without what each flight's own columns
+    """Wanted signal, shape (n,), and shared columns, shape (n, p), without what each flight's own columns
     explain (Frisch & Waugh 1933): the shared parameters and their scores stay the same."""
     parts = []
     for f in flights:

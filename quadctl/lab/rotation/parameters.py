@@ -45,7 +45,7 @@ LOW_NOISE, HIGH_NOISE = np.array([-5.0, -1.5, -7.0, -9.0]), np.array([-1.5, 3.0,
 
 @dataclass(frozen=True, eq=False)
 class _Axis:
-    """What one flight tells of one axis."""
+    """Signals of one axis in one flight."""
 
     rate: Floats
     difference: Delayed
@@ -211,7 +211,7 @@ def hover_command(records: Sequence[Record], by_voltage: bool) -> float:
 
 @dataclass(frozen=True, eq=False)
 class Rotation:
-    """What flights tell of a vehicle's rotation and thrust."""
+    """Parameters of a vehicle's rotation and thrust, by these flights."""
 
     names: tuple[str, ...]
     axes: dict[str, Estimated]

@@ -96,7 +96,7 @@ class Heights:
     estimated: Estimated | None = None
     """Beside GPS, where the estimated height leans on the barometer."""
     nuisances: Floats | None = None
-    """What else may be in the difference, shape (n, m)."""
+    """Nuisances that may be in the difference, shape (n, m)."""
 
     @property
     def difference_m(self) -> Floats:

@@ -1,4 +1,4 @@
-"""What is missing: the candidates with their Add buttons, and the next flight."""
+"""Panels of what is missing: the candidates with their Add buttons, and the next flight."""
 
 from dataclasses import dataclass
 

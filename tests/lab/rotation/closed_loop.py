@@ -36,7 +36,7 @@ LOW_PASS = 1.0 - np.exp(-2.0 * np.pi * 30.0 * STEP_S * CONTROL_EVERY)
 
 @dataclass(frozen=True)
 class Truth:
-    """What the simulated flights hide."""
+    """Parameters that the simulated flights hide."""
 
     inertia: tuple[float, float, float] = (6.2e-3, 7.4e-3, 1.2e-2)
     lag_s: float = 0.045
