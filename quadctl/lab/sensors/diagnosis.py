@@ -73,7 +73,8 @@ class Named:
     parameters: dict[str, Told]
     p: float
     largest_m: float
-    """Its size within the flights, all but the largest hundredth."""
+    """Its size within the flights, all but the largest hundredth, without what a level, a lag or a scale of the sensor
+    gives as well."""
     unknown: tuple[str, ...] = ()
     """Names of the other parameters, of which the flights tell little more than what physics allows."""
 
@@ -284,15 +285,16 @@ def _columns(flight: Heights, errors: Sequence[SensorError], wind: tuple[float, 
 
 
 def _nuisances(flight: Heights, number: int, n_flights: int) -> Floats:
-    """Level of each flight, delay of the sensor (times the climb rate), and its scale over height.
+    """Level of each flight, delay and lag of the sensor (times the climb rate and its change), and scale over height.
 
     The height here is not the reference's own: its noise is in the difference, too, and would pass for a scale. GPS's
     integrated climb rate wanders by as much as the vehicle climbs.
     """
-    columns = np.zeros((len(flight.time_s), n_flights + 2))
+    columns = np.zeros((len(flight.time_s), n_flights + 3))
     columns[:, number] = 1.0
     columns[:, n_flights] = flight.climb_m_s
     columns[:, n_flights + 1] = flight.above_ground_m - np.mean(flight.above_ground_m)
+    columns[:, n_flights + 2] = np.gradient(flight.climb_m_s, flight.time_s)
     return columns
 
 
@@ -461,20 +463,27 @@ def _named(flights: Sequence[Heights], fit: _Fit, errors: Sequence[SensorError],
             reach = float(np.exp(1.96 * np.sqrt(fit.estimate.covariance[place, place])))
             scale = error.values()[name]
             told[name] = Told(scale, scale / reach, scale * reach)
-    sizes = [
-        np.abs(error_m - np.median(error_m))
-        for flight, wind in zip(flights, fit.winds, strict=True)
-        if (error_m := np.asarray(fitted.error_m(flight.conditions(wind)))).shape
-    ]
-    largest = float(np.percentile(np.concatenate(sizes), MOST)) if sizes else 0.0
+    largest = float(np.percentile(np.abs(_beyond_nuisances(flights, fitted, fit.winds)), MOST))
     return Named(fitted, told, float(min(1.0, tries * chdtrc(max(int(known.sum()), 1), ratio))), largest, unknown)
 
 
+def _beyond_nuisances(flights: Sequence[Heights], error: SensorError, winds: Winds) -> Floats:
+    """The error over all flights without what a level, a lag or a scale of the sensor gives as well, m."""
+    error_m = [
+        np.broadcast_to(np.asarray(error.error_m(flight.conditions(wind))), flight.time_s.shape)
+        for flight, wind in zip(flights, winds, strict=True)
+    ]
+    columns = np.concatenate([_nuisances(flight, i, len(flights)) for i, flight in enumerate(flights)])
+    whole = np.concatenate(error_m)
+    return np.asarray(whole - columns @ np.linalg.lstsq(columns, whole, rcond=None)[0])
+
+
 def _blocks(flights: Sequence[Heights]) -> list[np.ndarray]:
-    """Masks of the rows of each part, over all flights together."""
+    """Masks of the rows of each part, over all flights together; of short flights the blocks are shorter."""
     time_s = np.concatenate([flight.time_s for flight in flights])
-    number = np.floor(time_s / BLOCK_S).astype(int) % BLOCKS
-    return [number == block for block in range(BLOCKS)]
+    length_s = min(BLOCK_S, sum(float(np.ptp(flight.time_s)) for flight in flights) / BLOCKS)
+    number = np.floor(time_s / length_s).astype(int) % BLOCKS
+    return [part for block in range(BLOCKS) if np.any(part := number == block)]
 
 
 def _unseen(flights: Sequence[Heights], errors: Sequence[SensorError], noise: Noise) -> list[Estimate]:

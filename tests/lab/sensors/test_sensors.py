@@ -387,6 +387,25 @@ def test_coefficients_of_a_real_copter_are_in_their_intervals(tmp_path: Path) ->
             assert each.is_told == (truth.get(name, 0.0) != 0.0), (log, name)
 
 
+RECORDINGS = [*sorted((DATA / "real").glob("ardupilot*/*.bin")), *sorted((DATA / "ardupilot").glob("*.bin"))]
+
+
+@needs_logs
+@pytest.mark.long
+@pytest.mark.parametrize("log", [path for path in RECORDINGS if path.name != "baro_wcf.bin"], ids=lambda p: p.stem)
+def test_a_real_barometer_without_an_error_gets_no_name(log: Path) -> None:
+    """Simulated by ArduPilot, without an error of the barometer: some last half a minute, some differ from GPS by
+    millimetres, with the lag of the sensor in it."""
+    assert not diagnosed(read_log(log)).missing
+
+
+def test_a_flight_of_half_a_minute_is_judged_on_shorter_parts(runs: FlightLog) -> None:
+    n = int(np.searchsorted(runs.time_s, runs.time_s[0] + 32.0))
+    first = replace(runs, columns={name: values[:n] for name, values in runs.columns.items()}, phase=None)
+    found = diagnosed(measured(first, (GroundError(0.6, 0.4),), Reference.RANGE))
+    assert [one.name for one in found.missing] == ["barometer.ground"]
+
+
 @needs_logs
 def test_two_commands_lead_from_a_log_to_a_parameter_file(tmp_path: Path) -> None:
     run = CliRunner()
