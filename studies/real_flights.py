@@ -5,14 +5,21 @@
 
 import sys
 import textwrap
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
 from quadctl.errors import QuadctlError
-from quadctl.lab import discover
+from quadctl.lab import diagnose, discover
 from quadctl.lab.comparison.wording import parameters_in_words
+from quadctl.lab.selection.diagnosis import Diagnosis
 from quadctl.lab.selection.discovery import Discovery
-from studies.page import DOCS, ROOT
+from quadctl.logs.consistency import complaints
+from quadctl.logs.flight_log import FlightLog
+from quadctl.logs.record.copies import without_copies
+from quadctl.logs.table import read_by_map
+from studies.page import DOCS, ROOT, table
+from studies.reliability import Named, names_in, reliability
 
 DATA = ROOT / "../shared/data"
 PAGE = DOCS / "real-flights.md"
@@ -90,6 +97,49 @@ SETS = (
     ),
 )
 
+DRAG = frozenset({"rotor_drag", "body_drag"})
+LINE = frozenset({"thrust_scale", "thrust_map"})
+"""The vehicle file's line from command to thrust is off: a scale or a line corrects it."""
+
+
+@dataclass(frozen=True)
+class Known:
+    """Flights of which is known what the vehicle file lacks."""
+
+    title: str
+    vehicle: str
+    logs: str
+    """Pattern of their names."""
+    there: frozenset[str]
+
+
+KNOWN = (
+    Known(
+        "NanoBench, a Crazyflie in a closed room",
+        "nanobench/crazyflie21.yaml",
+        "nanobench/*.csv",
+        DRAG | LINE | {"battery_sag", "motor_lag", "airspeed_moment"},
+    ),
+    Known("PX4 in its simulator", "real/px4/vehicle.yaml", "real/px4/*.ulg", frozenset({"rotor_drag", "motor_lag"})),
+    Known("the same, older recordings", "px4/sih_quadx.yaml", "px4/*.ulg", frozenset({"rotor_drag", "motor_lag"})),
+    Known("ArduPilot 4.5 in its simulator", "real/ardupilot/vehicle.yaml", "real/ardupilot/[efv]*.bin", DRAG),
+    Known("the same, hover", "real/ardupilot/vehicle.yaml", "real/ardupilot/hover*.bin", DRAG),
+    Known("the same, six rotors", "real/ardupilot/hexa_vehicle.yaml", "real/ardupilot/hexa*.bin", DRAG),
+    Known("ArduPilot 4.7", "real/ardupilot/vehicle.yaml", "real/ardupilot47/47_h_none.bin", DRAG | LINE),
+    Known(
+        "the same, a weak battery",
+        "real/ardupilot/vehicle.yaml",
+        "real/ardupilot47/47_h_batt_sag.bin",
+        DRAG | LINE | {"battery_sag"},
+    ),
+    Known(
+        "the same, 0.45 kg more",
+        "real/ardupilot/vehicle.yaml",
+        "real/ardupilot47/47_h_payload15.bin",
+        DRAG | LINE | {"payload"},
+    ),
+)
+
 
 def main(data: Path) -> None:
     if not data.is_dir():
@@ -99,6 +149,7 @@ def main(data: Path) -> None:
         print(flights.title, flush=True)
         found = discover(flights.vehicle, [data / name for name in flights.logs])
         pieces.append(section(flights, found))
+    pieces.append(known_section(data))
     PAGE.write_text("\n".join(pieces), encoding="utf-8")
     print(f"written: {PAGE}")
 
@@ -125,6 +176,45 @@ def section(flights: Flights, found: Discovery) -> str:
     about = textwrap.fill(f"{logs}. {flights.about} {begin}", 120)
     lines = "\n".join(textwrap.fill(f"- {line}", 120, subsequent_indent="  ") for line in [*listed, *said])
     return f"## {flights.title}\n\n{about}\n\n{lines}\n"
+
+
+RECORDINGS = """## Flights whose missing effects are known
+
+Each flight is diagnosed alone, from the rigid body. *There* is what the vehicle file is known to lack; whether one
+flight shows all of it is not known. NanoBench flew indoors; copies and corrupt flights are left out. Of the simulators
+of PX4 and ArduPilot the truth is known.
+"""
+NAMES = """Reliability, of the families called missing:"""
+
+
+def known_section(data: Path) -> str:
+    """Names in flights with a known truth, and how many of them are there by their p-values."""
+    lines: list[tuple[str, ...]] = []
+    names: dict[str, list[Named]] = {"real flights": [], "autopilots' simulators": []}
+    for known in KNOWN:
+        print(known.title, flush=True)
+        found = [diagnose(data / known.vehicle, log) for log in _read(known, data)]
+        group = names["real flights" if "nanobench" in known.logs else "autopilots' simulators"]
+        group += [name for diagnosis in found for name in names_in(diagnosis, known.there)]
+        lines.append(_line(known, found))
+    headings = ("flights", "number", "there, and named in", "named, and not there")
+    return "\n".join([RECORDINGS, table(headings, lines, (0, 2, 3)), "", NAMES, "", reliability(names), ""])
+
+
+def _read(known: Known, data: Path) -> Iterator[FlightLog | Path]:
+    paths = sorted(data.glob(known.logs))
+    if "nanobench" not in known.logs:
+        yield from paths
+        return
+    logs = [read_by_map(path, ROOT / "config" / "maps" / "nanobench.yaml") for path in paths]
+    yield from (log for log in without_copies(logs) if not complaints(log))
+
+
+def _line(known: Known, found: list[Diagnosis]) -> tuple[str, ...]:
+    named = [family for diagnosis in found for family in diagnosis.missing]
+    counts = [(f"{family} {named.count(family)}", family in known.there) for family in dict.fromkeys(sorted(named))]
+    right, wrong = (", ".join(text for text, there in counts if there is which) for which in (True, False))
+    return known.title, str(len(found)), right or "-", wrong or "-"
 
 
 if __name__ == "__main__":

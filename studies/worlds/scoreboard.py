@@ -17,6 +17,7 @@ from joblib import Parallel, delayed
 from quadctl.errors import QuadctlError
 from quadctl.lab import diagnose, load_model
 from studies.page import share, table, write_page
+from studies.reliability import Named, names_in, reliability
 
 
 @dataclass(frozen=True)
@@ -33,6 +34,7 @@ class Answer:
     confounded: tuple[frozenset[str], ...]
     small: tuple[str, ...] = ()
     """Families that the lab says are measured, but too small to be called missing."""
+    named: tuple[Named, ...] = ()
 
     @property
     def exact(self) -> bool:
@@ -65,22 +67,26 @@ def judge(folder: Path) -> Answer:
     truth: dict[str, Any] = json.loads((folder / "truth.json").read_text())
     missing: tuple[str, ...]
     small: tuple[str, ...]
+    named: tuple[Named, ...]
     verdict: str
+    indistinguishable = tuple(frozenset(pair) for pair in truth["indistinguishable"])
     try:
         found = diagnose(load_model(folder / "vehicle.yaml"), sorted(folder.glob("*.csv")))
         missing, verdict, confounded = tuple(found.missing), found.verdict, found.confounded
         small = tuple(group[0].family for group in found.small)
+        named = names_in(found, truth["families"], indistinguishable)
     except QuadctlError as error:
-        missing, small, verdict, confounded = (), (), f"refused: {error}", []
+        missing, small, named, verdict, confounded = (), (), (), f"refused: {error}", []
     return Answer(
         case=folder.name,
         families=tuple(truth["families"]),
-        indistinguishable=tuple(frozenset(pair) for pair in truth["indistinguishable"]),
+        indistinguishable=indistinguishable,
         effect_rms_m_s2=float(truth["effect_rms_m_s2"]),
         missing=missing,
         verdict=verdict,
         confounded=tuple(frozenset(pair) for pair in confounded),
         small=small,
+        named=named,
     )
 
 
@@ -164,6 +170,9 @@ published forms. A row is a world, its seed and the strength of the effects; 1 i
 
 """
 
+RELIABILITY = """Of the families named, those that are hidden, or not separable from a hidden one by these flights:
+"""
+
 
 def main() -> None:
     """Judge the worlds in the folders that are given and write the page."""
@@ -180,7 +189,9 @@ def main() -> None:
         title = folder.name.replace("_", " ")
         worlds[title] = judge_world(folder, arguments.jobs)
         print(section(title, worlds[title]), flush=True)
-    write_page(arguments.page, INTRODUCTION + f"{side_by_side(worlds)}\n{wrong_families(worlds)}")
+    names = {title: [name for answer in answers for name in answer.named] for title, answers in worlds.items()}
+    pieces = (side_by_side(worlds), wrong_families(worlds), RELIABILITY, reliability(names))
+    write_page(arguments.page, INTRODUCTION + "\n".join(pieces))
 
 
 if __name__ == "__main__":

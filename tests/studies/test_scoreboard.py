@@ -3,9 +3,11 @@
 import dataclasses
 import sys
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
+from studies.reliability import Named, names_in, reliability
 from studies.worlds.scoreboard import Answer, main, section, side_by_side
 
 
@@ -84,3 +86,28 @@ def test_a_folder_without_cases_is_one_sentence_and_leaves_the_page_as_it_was(
         main()
     assert f"{tmp_path / 'nothing'}: holds no cases" in capsys.readouterr().err
     assert page.read_text() == "as it was"
+
+
+def test_reliability_counts_by_p_value_the_names_that_are_there() -> None:
+    named = [
+        Named("wind", 1e-12, True),
+        Named("tether", 1e-5, False),
+        Named("drag", 1e-5, True),
+        Named("lag", 1e-3, True),
+    ]
+    rows = reliability({"a world": named, "no flight": []}).splitlines()[2:]
+    assert rows == [
+        "| below 1e-8 | 1/1 = 100% | - |",
+        "| 1e-8 to 1e-4 | 1/2 = 50% | - |",
+        "| 1e-4 to 0.01 | 1/1 = 100% | - |",
+        "| all | 3/4 = 75% | - |",
+    ]
+
+
+def test_a_name_counts_as_there_where_the_flights_do_not_separate_it_from_one_that_is() -> None:
+    diagnosis = SimpleNamespace(
+        missing=["tether", "wind"],
+        ranking=[SimpleNamespace(family="tether", p_value=1e-3), SimpleNamespace(family="wind", p_value=1e-9)],
+    )
+    alike = (frozenset({"thrust_scale", "tether"}), frozenset({"wind", "tilt"}))
+    assert names_in(diagnosis, {"thrust_scale"}, alike) == (Named("tether", 1e-3, True), Named("wind", 1e-9, False))
