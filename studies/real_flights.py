@@ -5,6 +5,7 @@
 
 import sys
 import textwrap
+from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -180,11 +181,11 @@ def section(flights: Flights, found: Discovery) -> str:
 
 RECORDINGS = """## Flights whose missing effects are known
 
-Each flight is diagnosed alone, from the rigid body. *There* is what the vehicle file is known to lack; whether one
-flight shows all of it is not known. NanoBench flew indoors; copies and corrupt flights are left out. Of the simulators
-of PX4 and ArduPilot the truth is known.
+Each flight is diagnosed alone, from the rigid body. *There* is what the vehicle file is known to lack, and what the
+diagnosis calls confounded with it; whether one flight shows all of it is not known. NanoBench flew in a closed room:
+copies and corrupt flights are left out. The truth of the simulators of PX4 and ArduPilot is known.
 """
-NAMES = """Reliability, of the families called missing:"""
+NAMES = """Share of the families called missing that are there:"""
 
 
 def known_section(data: Path) -> str:
@@ -195,7 +196,7 @@ def known_section(data: Path) -> str:
         print(known.title, flush=True)
         found = [diagnose(data / known.vehicle, log) for log in _read(known, data)]
         group = names["real flights" if "nanobench" in known.logs else "autopilots' simulators"]
-        group += [name for diagnosis in found for name in names_in(diagnosis, known.there)]
+        group += [name for diagnosis in found for name in names_in(diagnosis, known.there, _confounded(diagnosis))]
         lines.append(_line(known, found))
     headings = ("flights", "number", "there, and named in", "named, and not there")
     return "\n".join([RECORDINGS, table(headings, lines, (0, 2, 3)), "", NAMES, "", reliability(names), ""])
@@ -210,9 +211,13 @@ def _read(known: Known, data: Path) -> Iterator[FlightLog | Path]:
     yield from (log for log in without_copies(logs) if not complaints(log))
 
 
+def _confounded(diagnosis: Diagnosis) -> list[frozenset[str]]:
+    return [frozenset(pair) for pair in diagnosis.confounded]
+
+
 def _line(known: Known, found: list[Diagnosis]) -> tuple[str, ...]:
-    named = [family for diagnosis in found for family in diagnosis.missing]
-    counts = [(f"{family} {named.count(family)}", family in known.there) for family in dict.fromkeys(sorted(named))]
+    named = Counter((n.family, n.is_there) for d in found for n in names_in(d, known.there, _confounded(d)))
+    counts = [(f"{family} {number}", there) for (family, there), number in sorted(named.items())]
     right, wrong = (", ".join(text for text, there in counts if there is which) for which in (True, False))
     return known.title, str(len(found)), right or "-", wrong or "-"
 

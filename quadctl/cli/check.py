@@ -54,7 +54,7 @@ def check(
         Reads(),
         typer.Argument(
             metavar="[VEHICLE.yaml] MISSION",
-            help="Without a vehicle file: the vehicle of the configuration. Mission file, or its name: figure8.",
+            help="Vehicle file [default: of the model, else of the configuration]; mission file, or its name: figure8.",
             callback=_found,
         ),
     ],
@@ -64,7 +64,7 @@ def check(
         str | None, typer.Option("--link", metavar="URL", help="Ask the autopilot too: auto, udpin://..., serial://...")
     ] = None,
     seconds: Annotated[
-        float, typer.Option("--seconds", metavar="S", min=1.0, max=60.0, help="How long to count its messages.")
+        float, typer.Option("--seconds", metavar="S", min=1.0, max=60.0, help="With --link: how long to listen.")
     ] = 3.0,
     system_id: SystemIdOption = None,
     without_failsafe: WithoutFailsafeOption = False,
@@ -77,12 +77,15 @@ def check(
         Path | None,
         Reads(),
         typer.Option(
-            "--log", metavar="LOG", help="Compare with the log of an earlier flight: attitude's lag, parameters."
+            "--log", metavar="LOG", help="Compare lag of the attitude and parameters with the log of an earlier flight."
         ),
     ] = None,
     json_out: JsonOption = None,
 ) -> None:
-    """Check whether a flight may begin: mission, vehicle, compensator, limits, and with --link the autopilot."""
+    """Check whether a mission may be flown.
+
+    Mission, vehicle, compensator and limits are checked, and with --link the autopilot.
+    """
     from quadctl.flight.autopilot.ports import resolve
     from quadctl.flight.preflight.attitude import compare_with_log
     from quadctl.flight.preflight.check import check_flight

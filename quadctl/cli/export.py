@@ -66,10 +66,10 @@ def export(
     ] = Path("exported"),
     json_out: JsonOption = None,
 ) -> None:
-    """Turn a fitted model into an autopilot's parameters, with 95 % intervals, or into equations of motion.
+    """Export a fitted model to an autopilot or a simulator.
 
-    Parameters that the flights do not determine, and effects that the target cannot
-    represent, are listed.
+    It becomes parameters with 95 % intervals, equations of motion, or a vehicle of a simulator. Parameters that the
+    flights do not determine, and effects that the target cannot represent, are listed.
     """
     from quadctl.export.autopilot import (
         WHOLE,

@@ -36,7 +36,10 @@ def fleet(
         typer.Option("--cluster", metavar="ADDRESS", help="Scheduler of a Dask cluster, which does the work instead."),
     ] = None,
 ) -> None:
-    """Measure every flight of a fleet once, and tell which vehicles drift or jump away from themselves."""
+    """Find the vehicles of a fleet that have changed.
+
+    Every flight is measured once, and kept in an index.
+    """
     from quadctl.fleet.index import Index, find_logs
     from quadctl.fleet.report import write_report
     from quadctl.fleet.summary import summarise

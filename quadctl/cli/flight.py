@@ -27,33 +27,37 @@ MissionArgument = Annotated[
     Path,
     Reads(),
     typer.Argument(
-        metavar="MISSION", help="Mission file, or the name of one in missions/: figure8.", callback=find_mission
+        metavar="MISSION", help="Mission file, or the name of one in missions/, e.g. figure8.", callback=find_mission
     ),
 ]
 ModelOption = Annotated[
     str | None,
     Reads(),
-    typer.Option("--model", metavar="MODEL", help="Compensator: none, an effect such as hayden, or a model file."),
+    typer.Option(
+        "--model",
+        metavar="MODEL",
+        help="Effects to compensate: none, a ground effect such as hayden, or a model file [default: as configured].",
+    ),
 ]
 ConfigOption = Annotated[
     Path | None,
     Reads(),
     typer.Option("--config", metavar="FILE", help="Flight configuration [default: config/flight.yaml].", callback=find),
 ]
-LogDirOption = Annotated[Path, WritesInto(), typer.Option("--log-dir", metavar="DIR", help="Folder for the log.")]
+LogDirOption = Annotated[Path, WritesInto(), typer.Option("--log-dir", metavar="DIR", help="Folder of the logs.")]
 HiddenOption = Annotated[
     Path | None,
     Reads(),
     typer.Option(
         "--hidden",
         metavar="FILE",
-        help="File with the hidden effects of the simulated world; or a model file, whose effects it then has.",
+        help="Effects of the simulated world that the controller does not know: a file of hidden effects, or a model.",
         callback=find,
     ),
 ]
 SeedOption = Annotated[int, typer.Option("--seed", metavar="N", min=0, help="Same seed, same flight.")]
 OffsetOption = Annotated[
-    float | None, typer.Option("--offset-up", metavar="M", help="Height added to the whole mission.")
+    float | None, typer.Option("--offset-up", metavar="M", help="Raise the whole mission by M metres.")
 ]
 SetOption = Annotated[
     list[str] | None,
@@ -65,7 +69,7 @@ TimeScaleOption = Annotated[
     typer.Option(
         "--time-scale",
         metavar="FACTOR|fit",
-        help="Fly the mission in FACTOR times its time; fit: the least factor of 1 or more within the limits.",
+        help="Stretch the time of the mission (2: half the speed); fit: the smallest from 1 that keeps all limits.",
     ),
 ]
 
@@ -76,7 +80,7 @@ SystemIdOption = Annotated[
         metavar="N",
         min=1,
         max=255,
-        help="MAVLink system id of quadctl [default: that of the configuration, 1].",
+        help="MAVLink system id of quadctl [default: as configured, else 1].",
     ),
 ]
 
@@ -84,14 +88,15 @@ WithoutFailsafeOption = Annotated[
     bool,
     typer.Option(
         "--without-failsafe",
-        help="Fly although the autopilot does not land by itself when quadctl stops: keep a hand on the mode switch.",
+        help="Accept an autopilot that does not land by itself when quadctl stops: keep a hand on the mode switch.",
     ),
 ]
 
 RestoreOption = Annotated[
     bool,
     typer.Option(
-        "--restore-params", help="Restore parameters that a flight with --set-params in this log folder left."
+        "--restore-params",
+        help="Undo the parameter changes that an interrupted flight with --set-params left (kept in --log-dir).",
     ),
 ]
 
@@ -109,7 +114,7 @@ def simulate(
     time_scale: TimeScaleOption = None,
     json_out: JsonOption = None,
 ) -> None:
-    """Fly a mission in simulated time, as fast as the machine can, reproducible from a seed."""
+    """Fly a mission in simulated time, reproducible from a seed."""
     from quadctl.flight.preflight.preparation import prepare_flight
 
     configuration = find_configuration(config, mission)
@@ -125,9 +130,12 @@ def fly(
     link: Annotated[
         str | None, typer.Option("--link", metavar="URL", help="auto, udpin://..., serial:///dev/...:BAUD")
     ] = None,
-    sitl: Annotated[bool, typer.Option("--sitl", help="Fly a simulated autopilot over MAVLink, in real time.")] = False,
+    sitl: Annotated[
+        bool, typer.Option("--sitl", help="Fly the built-in stand-in of an autopilot over MAVLink, in real time.")
+    ] = False,
     autopilot: Annotated[
-        Simulated | None, typer.Option("--autopilot", help="With --sitl: which one is simulated [default: px4].")
+        Simulated | None,
+        typer.Option("--autopilot", help="With --sitl: the autopilot that it stands in for [default: px4]."),
     ] = None,
     set_params: Annotated[
         bool, typer.Option("--set-params", help="Set the autopilot's parameters as needed, restore them afterwards.")
@@ -152,7 +160,7 @@ def fly(
     ] = 8091,
     view_token: Annotated[
         str | None,
-        typer.Option("--view-token", metavar="T", help="Let other machines open the page, and land, with this token."),
+        typer.Option("--view-token", metavar="T", help="Token with which other computers may open the page, and land."),
     ] = None,
 ) -> None:
     """Fly a mission on an autopilot, unless `check` refuses it. Ctrl-C lands."""
@@ -205,7 +213,10 @@ def demo(
     ] = Path("demo"),
     real_time: Annotated[bool, typer.Option(help="Include a short flight over MAVLink in real time.")] = True,
 ) -> None:
-    """Run the whole workflow without hardware: fly, compare, diagnose, add, fly again."""
+    """Show the whole workflow without hardware.
+
+    It flies, compares, diagnoses, adds the effect that is missing, and flies again.
+    """
     from quadctl.demo import run
 
     run(out, console, simulator(), real_time)

@@ -41,7 +41,10 @@ def ground_curve(
     json_out: JsonOption = None,
     force: ForceOption = False,
 ) -> None:
-    """Fit every ground-effect formula to thrusts measured at several heights, rank them, and write a model file."""
+    """Fit ground-effect formulas to thrusts over height.
+
+    All formulas are ranked, and the best one is written as a model file.
+    """
     from quadctl.ground_curve.measurement import read_measurement
     from quadctl.ground_curve.plot import draw
     from quadctl.ground_curve.result import evaluate

@@ -17,6 +17,9 @@ def init(
         Path, WritesInto(), typer.Argument(metavar="DIR", help="Folder to write to; it is made where needed.")
     ],
 ) -> None:
-    """Copy the installed missions, flight configuration, vehicles and simulator scripts into a folder, for editing."""
+    """Copy missions, vehicles and settings to edit them.
+
+    The flight configuration and the simulator scripts are copied, too.
+    """
     for written in write_copies(directory):
         print_saved(written)

@@ -35,7 +35,11 @@ MAX_NUMBER = 1e9
 PAPER_FILES = ("model.tex", "model.bib", "model.json")
 
 ModelArgument = Annotated[
-    Path, Reads(), typer.Argument(metavar="MODEL.yaml", help="Model file, or a bare vehicle file.", callback=find)
+    Path,
+    Reads(),
+    typer.Argument(
+        metavar="MODEL.yaml", help="Model file, or a vehicle file, which is a model without effects.", callback=find
+    ),
 ]
 LogArguments = Annotated[
     list[Path], Reads(), typer.Argument(metavar="LOG...", help=f"Flight logs: {', '.join(suffixes())}.")
@@ -52,15 +56,15 @@ HoldOutOption = Annotated[
     typer.Option(
         "--hold-out",
         metavar="blocks|flights",
-        help="Held-out data of each fit: blocks of time of every flight, or whole flights.",
+        help="What each fit leaves out to test it: blocks of 5 s, or whole flights.",
     ),
 ]
 NestedOption = Annotated[
     bool,
     typer.Option(
         "--nested",
-        help="Repeat the search without each part of the data, for an error that the choice of effects has not seen; "
-        "several times slower.",
+        help="Nested cross-validation: repeat the whole search without each part of the data, so that the choice of "
+        "effects has not seen it; several times slower.",
     ),
 ]
 AllOption = Annotated[
@@ -70,12 +74,14 @@ UnseenOption = Annotated[
     list[Path] | None,
     Reads(),
     typer.Option(
-        "--unseen", metavar="LOG", help="A flight kept from all fits, on which before and after are judged (repeat)."
+        "--unseen",
+        metavar="LOG",
+        help="A flight that no fit uses: the error on it is computed before and after. May be repeated.",
     ),
 ]
 JobsOption = Annotated[
     int,
-    typer.Option("--jobs", metavar="N", min=1, help="Number of processes; more than one is worth it with many logs."),
+    typer.Option("--jobs", metavar="N", min=1, help="Number of processes; useful with many logs."),
 ]
 
 
@@ -88,7 +94,10 @@ def compare(
     sensors: SensorsOption = False,
     plot: PlotOption = None,
 ) -> None:
-    """Compare a model with flights: its acceleration error, where it fails, and the reference error."""
+    """Tell how wrong a model is on flights, and where.
+
+    Beside its acceleration error stands that of a regression on all logged variables, as a reference.
+    """
     logs = logs_among(model, logs, sensors)
     if sensors:
         refuse_beside_sensors(html=html)
@@ -115,19 +124,21 @@ def diagnose(
         typer.Option(
             "--save-expression",
             metavar="FILE.py",
-            help="Save the formula of an unexplained residual as an effect of your own.",
+            help="Save the formula found for an unexplained residual as an effect file.",
         ),
     ] = None,
     sensors: SensorsOption = False,
     output: Annotated[
         Path | None,
         Writes(),
-        typer.Option("-o", "--output", metavar="FILE", help="With --sensors: save the sensors' errors, for export."),
+        typer.Option(
+            "-o", "--output", metavar="FILE", help="With --sensors: save the errors found, for `quadctl export`."
+        ),
     ] = None,
     plot: PlotOption = None,
     everything: AllOption = False,
 ) -> None:
-    """Diagnose which physical effects are missing from a model."""
+    """Find which physical effects are missing from a model."""
     logs = logs_among(model, logs, sensors)
     if sensors:
         refuse_beside_sensors(all=everything, html=html, nested=nested, save_expression=expression)
@@ -170,7 +181,10 @@ def suggest(
     json_out: JsonOption = None,
     hold_out: HoldOutOption = "blocks",
 ) -> None:
-    """Suggest the mission that would best answer what these logs leave open."""
+    """Suggest the mission to fly next.
+
+    It is the one that would best answer what these logs leave open.
+    """
     from quadctl.lab.comparison.wording import on_terminal
     from quadctl.lab.planning.suggestion import suggest as run
 
@@ -201,7 +215,10 @@ def add(
     hold_out: HoldOutOption = "blocks",
     unseen: UnseenOption = None,
 ) -> None:
-    """Add an effect to a model, fit it, and see how the held-out error changes."""
+    """Add an effect to a model and fit it.
+
+    The change of the held-out error is printed.
+    """
     from quadctl.effects import choose_effect
     from quadctl.model import load_model
 
@@ -220,7 +237,10 @@ def verify(
     logs: LogArguments,
     json_out: JsonOption = None,
 ) -> None:
-    """Tell whether a fitted model still holds on new flights; the exit status is 1 where it does not."""
+    """Tell whether a fitted model holds on new flights.
+
+    The exit status is 1 where it does not.
+    """
     from quadctl.lab.flights.dataset import load_dataset
     from quadctl.lab.selection.verification import verify as run
     from quadctl.logs.read import read_logs
@@ -243,7 +263,10 @@ def surfaces(
     json_out: JsonOption = None,
     hold_out: HoldOutOption = "blocks",
 ) -> None:
-    """Compare the ground effect over the surfaces that flights passed over, and fit one weight for each of them."""
+    """Compare the ground effect over different surfaces.
+
+    One weight is fitted for each surface that the flights passed over.
+    """
     from quadctl.lab.selection.surfaces import compare_surfaces
 
     study = _study(model, logs, hold_out)
@@ -260,9 +283,10 @@ def fit(
     hold_out: HoldOutOption = "blocks",
     unseen: UnseenOption = None,
 ) -> None:
-    """Refit all effects of a model and the attitude's lag, and see how the held-out error changes.
+    """Refit all parameters of a model.
 
-    Of a bare vehicle file it finds the lag alone: `discover` finds its effects.
+    The lag of the attitude is found, too, and the change of the held-out error is printed. From a vehicle file without
+    effects only the lag is found: `discover` finds its effects.
     """
     from quadctl.lab.tracking.attitude_response import attitude_response, with_response
     from quadctl.logs.read import read_log
@@ -301,7 +325,10 @@ def remove(
     json_out: JsonOption = None,
     hold_out: HoldOutOption = "blocks",
 ) -> None:
-    """Remove an effect from a model; with logs, refit the others and see how the held-out error changes."""
+    """Remove an effect from a model.
+
+    With logs the others are refitted, and the change of the held-out error is printed.
+    """
     from quadctl.lab.selection.removal import held_effect, without
     from quadctl.model import load_model, save_model
 
@@ -333,7 +360,7 @@ def discover(
     everything: AllOption = False,
     unseen: UnseenOption = None,
 ) -> None:
-    """Compare, diagnose and add in one go, until nothing significant is missing."""
+    """Find and add all missing effects in one go."""
     from joblib import parallel_config
 
     with parallel_config("loky", n_jobs=jobs):
@@ -360,7 +387,7 @@ def report(
     json_out: JsonOption = None,
     hold_out: HoldOutOption = "blocks",
 ) -> None:
-    """Write a model, fitted to flights, for a paper: LaTeX, BibTeX and JSON."""
+    """Write a fitted model for a paper: LaTeX, BibTeX, JSON."""
     from quadctl.lab.paper import paper_files, state
 
     study = _study(model, logs, hold_out)
@@ -378,7 +405,9 @@ def metrics(
     reference: Annotated[
         list[Path] | None,
         Reads(),
-        typer.Option("--reference", metavar="LOG", help="The same flight out of ground effect (may be repeated)."),
+        typer.Option(
+            "--reference", metavar="LOG", help="The same flight out of ground effect, for M_B. May be repeated."
+        ),
     ] = None,
     setpoint: Annotated[
         float | None, typer.Option("--setpoint", metavar="Z", help="Constant reference, m, where the log has none.")
@@ -388,7 +417,9 @@ def metrics(
     phase: Annotated[str | None, typer.Option("--phase", metavar="NAME", help="Mission phase to measure.")] = None,
     json_out: JsonOption = None,
 ) -> None:
-    """Measure tracking errors over a step: M_A, M_B (signed and absolute), MAE, RMSE.
+    """Measure the tracking errors of a step.
+
+    M_A is the integral of the error, M_B that of the difference from the reference flight; MAE, RMSE.
 
     The window is --from and --to, or --phase, or the phases named 'step'; without phases, the step found in the log.
     """

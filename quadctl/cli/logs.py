@@ -42,7 +42,10 @@ def inspect_logs(
     ] = None,
     json_out: JsonOption = None,
 ) -> None:
-    """Inspect flight logs: true update rates, gaps, clock, and whether they can be analysed."""
+    """Tell whether flight logs can be analysed, and convert them.
+
+    True update rates, gaps and clock are shown.
+    """
     from quadctl.logs.convert import convert
     from quadctl.logs.quality import quality
     from quadctl.logs.read import read_logs

@@ -50,7 +50,10 @@ def mocap(
         ),
     ] = None,
 ) -> None:
-    """Forward motion-capture poses to the autopilot's estimator until Ctrl-C, and report their age."""
+    """Forward motion-capture poses to the autopilot.
+
+    Until Ctrl-C; their age is reported.
+    """
     from quadctl.flight.autopilot.ports import resolve
     from quadctl.mocap.capture import open_source
     from quadctl.mocap.forward import forward

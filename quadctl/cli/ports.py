@@ -10,7 +10,10 @@ from quadctl.cli.output import JsonOption, write_json
 
 @app.command()
 def ports(json_out: JsonOption = None) -> None:
-    """List the serial ports with what is plugged in; `fly --link auto` listens to all that may be an autopilot."""
+    """List the serial ports with what is plugged in.
+
+    `fly --link auto` listens to all that may be an autopilot.
+    """
     from quadctl.flight.autopilot.ports import serial_ports
 
     found = serial_ports()

@@ -20,7 +20,10 @@ def rotation(
     logs: LogArguments,
     json_out: JsonOption = None,
 ) -> None:
-    """Find moment gains, rotor lag, damping and thrust map from commands and IMU; a position is not needed."""
+    """Identify the rotational dynamics from logs.
+
+    Moment gains, rotor lag, damping and thrust map follow from commands and IMU; a position is not needed.
+    """
     from quadctl.lab.rotation.parameters import fit_rotation
     from quadctl.lab.rotation.records import record_of
     from quadctl.lab.rotation.words import answer

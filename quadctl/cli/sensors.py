@@ -19,10 +19,14 @@ if TYPE_CHECKING:
     from quadctl.logs.flight_log import FlightLog
 
 SensorsOption = Annotated[
-    bool, typer.Option("--sensors", help="Look at the height sensors instead of the motion; MODEL.yaml is not needed.")
+    bool,
+    typer.Option(
+        "--sensors",
+        help="Diagnose barometer and range finder instead of the model: then give logs alone, without MODEL.yaml.",
+    ),
 ]
 PlotOption = Annotated[
-    Path | None, Writes(), typer.Option("--plot", metavar="PNG", help="With --sensors: draw where the sensor fails.")
+    Path | None, Writes(), typer.Option("--plot", metavar="PNG", help="With --sensors: draw the sensor's error.")
 ]
 
 

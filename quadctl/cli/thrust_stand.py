@@ -83,7 +83,10 @@ def thrust_stand(
     json_out: JsonOption = None,
     force: ForceOption = False,
 ) -> None:
-    """Find a rotor's thrust over rpm and throttle, on a stand or from a CSV, and put it into the vehicle file."""
+    """Measure a rotor's thrust on a stand.
+
+    Thrust over rpm and throttle, measured or from a CSV, goes into a vehicle file.
+    """
     from quadctl.settings_text import with_numbers
     from quadctl.thrust_stand.measurement import read_points
 

@@ -49,7 +49,10 @@ def tune(
     ] = False,
     json_out: JsonOption = None,
 ) -> None:
-    """Propose the gains of the position loop from the lags in logs, with their margins before and after."""
+    """Propose gains of the position loop from logs.
+
+    They follow from the lags that the logs show; margins before and after are printed.
+    """
     from quadctl.control.tuning import tuned
     from quadctl.flight.pilot.settings import choose_models, load_flight_settings
 

@@ -5,12 +5,14 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from quadctl.compensator import Compensator
+from quadctl.errors import SettingsError
 from quadctl.flight.pilot.pilot import Pilot
 from quadctl.flight.pilot.settings import FlightSettings, choose_models, find_config, load_flight_settings
 from quadctl.flight.preflight.findings import Finding
 from quadctl.flight.record.recorder import Recorder
 from quadctl.missions import Mission, load_mission
 from quadctl.model import Model
+from quadctl.vehicle import Vehicle, load_vehicle
 
 
 class FlightPlan(NamedTuple):
@@ -85,4 +87,23 @@ def read_flight(
     if vehicle is not None:
         settings = settings.model_copy(update={"vehicle": str(vehicle.absolute())})
     models = choose_models(settings, config_path, model)
+    if vehicle is not None:
+        _check_same_body(load_vehicle(vehicle), vehicle, models.body.vehicle)
     return FlightPlan(loaded, settings, models.body, models.compensator)
+
+
+def _check_same_body(named: Vehicle, file: Path, flown: Vehicle) -> None:
+    """Refuse a vehicle file that is not of the vehicle that flies, which is that of the model file; a model also holds
+    the attitude's response, which `quadctl fit` finds.
+
+    Raises
+    ------
+    SettingsError
+        They differ.
+    """
+    one, other = (body.model_copy(update={"attitude_response": None}) for body in (named, flown))
+    if one != other:
+        raise SettingsError(
+            f"{file}: holds '{named.name}', but the model that flies holds '{flown.name}' with other numbers, expected "
+            "the vehicle of the model, or no vehicle file"
+        )

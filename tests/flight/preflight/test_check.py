@@ -11,7 +11,8 @@ from typing import Any
 import pytest
 import yaml
 
-from quadctl.errors import FlightError
+from quadctl.effects.ground_effect import Hayden
+from quadctl.errors import FlightError, SettingsError
 from quadctl.flight.autopilot.ardupilot import ARDUPILOT
 from quadctl.flight.autopilot.firmware import Check, Firmware, Requirement
 from quadctl.flight.autopilot.px4 import PX4
@@ -19,10 +20,11 @@ from quadctl.flight.preflight.check import check_flight
 from quadctl.flight.preflight.findings import Finding, Verdict
 from quadctl.flight.preflight.inquiry import inspect_autopilot
 from quadctl.flight.preflight.plan import FlightPlan, read_flight
-from quadctl.model import Provenance
+from quadctl.model import Model, Provenance, save_model
 from quadctl.state import VehicleState
 from quadctl.thrust_chain import ardupilot
 from quadctl.thrust_chain.chain import Addition, Ambient
+from quadctl.vehicle import AttitudeResponse, AxisResponse, load_vehicle
 from tests.support.places import ROOT
 
 UP = {"name": "up", "kind": "move", "to_m": [0, 0, 1], "speed_m_s": 0.5}
@@ -61,6 +63,19 @@ def test_a_fit_flight_passes_with_its_numbers(tmp_path: Path) -> None:
     assert texts["thrust"].startswith("up to 17.7 N of 35.9 N (49%, hover 41%)")
     assert texts["speed"].startswith("up to 0.50 m/s (climb 0.50, descent 0.00)")
     assert texts["battery"] == "12 s of flight, the vehicle hovers for 300 s, lands below 14 V"
+
+
+def test_a_vehicle_file_that_is_not_of_the_vehicle_of_the_model_is_refused(tmp_path: Path) -> None:
+    """The vehicle of the model flies; the attitude's response, which a fit adds to it, makes it no other."""
+    vehicles, mission, config = ROOT / "config/vehicles", ROOT / "missions/figure8.yaml", ROOT / "config/flight.yaml"
+    fitted = Model(load_vehicle(vehicles / "raptor.yaml")).plus(Hayden())
+    answer = AxisResponse(frequency_rad_s=9.0, damping=1.0, delay_s=0.0)
+    quick = fitted.vehicle.model_copy(update={"attitude_response": AttitudeResponse(roll=answer, pitch=answer)})
+    save_model(replace(fitted, vehicle=quick), tmp_path / "fitted.yaml")
+    model = str(tmp_path / "fitted.yaml")
+    assert read_flight(mission, config, model, None, (), vehicles / "raptor.yaml").body.vehicle == quick
+    with pytest.raises(SettingsError, match=r"x500\.yaml: holds 'x500', but the model that flies holds 'raptor'"):
+        read_flight(mission, config, model, None, (), vehicles / "x500.yaml")
 
 
 @pytest.mark.parametrize(
