@@ -77,7 +77,7 @@ def run(out: Path, console: Console, simulator: Simulator, real_time: bool) -> N
     demo = Demo(out, _write_hidden(out), simulator, console)
     for what, path in (("missions", MISSIONS), ("configuration", DEFAULT_CONFIG), ("vehicle", VEHICLE)):
         demo.say(describe(what, locate(path)))
-    demo.say("[bold]1. Fly[/]: three hover staircases in a world whose ground effect nobody has told us.")
+    demo.say("[bold]1. Fly[/]: three hover staircases in a simulated world with a ground effect that the model lacks.")
     logs = [demo.fly("hover_staircase", "none", seed) for seed in (1, 2, 3)]
 
     rigid = load_model(locate(VEHICLE))
@@ -124,8 +124,9 @@ def run(out: Path, console: Console, simulator: Simulator, real_time: bool) -> N
     differences = [f"{flight.m_b_absolute:.3f}" for flight in steps.table.flights if not flight.is_reference]
     demo.say(
         f"\nIn short: {', '.join(discovery.diagnosis.missing)} is missing; error on the unseen flight {before:.3f} -> "
-        f"[bold]{after:.3f} m/s^2[/]; absolute M_B of the step without, with the textbook's and with the found effect "
-        f"{' -> '.join(differences)} m s."
+        f"[bold]{after:.3f} m/s^2[/]; difference of a step from one far from the ground (absolute M_B) "
+        f"{differences[0]} m s uncompensated, {differences[1]} by the textbook's formula, {differences[2]} by what was "
+        "found."
     )
     demo.say(f"Report: [bold]{report}[/]")
     flights = " ".join(str(log.path) for log in logs)

@@ -30,7 +30,7 @@ ARDUPILOT = Dialect(
     },
     since=dict.fromkeys(("EK3_DRAG_BCOEF_X", "EK3_DRAG_BCOEF_Y", "EK3_DRAG_MCOEF"), "4.1"),
     notes={
-        "MOT_THST_HOVER": "where it starts from; MOT_HOVER_LEARN 2 then tracks it in flight",
+        "MOT_THST_HOVER": "the initial value: MOT_HOVER_LEARN 2 then updates it in flight",
         "MOT_THST_EXPO": "tune the gains of the rate controller again; the vehicle file's throttle line changes, too",
         "EK3_DRAG_MCOEF": "one number for both axes",
     },

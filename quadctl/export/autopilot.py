@@ -199,7 +199,11 @@ def parameters(model: Model, dialect: Dialect, present: Present | None = None) -
             "area_y_m2",
         ),
         _Quantity(
-            dialect.momentum_drag, "mean of d_x and d_y, at 1.225 kg/m³", (LinearDrag.family(),), RUNS, _momentum
+            dialect.momentum_drag,
+            "mean of d_x and d_y, weighted by their intervals, at 1.225 kg/m³",
+            (LinearDrag.family(),),
+            RUNS,
+            _momentum,
         ),
     ]
     thrust = [
@@ -213,7 +217,9 @@ def parameters(model: Model, dialect: Dialect, present: Present | None = None) -
     found = [row for each in rows for row in _for_firmware(each, dialect, present)]
     if any(row.estimate is not None and row.estimate.value > 0.0 for row in found if row.name in _drag_names(dialect)):
         for name, value in dialect.switches.items():
-            found += _for_firmware(Row(name, "uses the drag", Estimate(value, value, value)), dialect, present)
+            found += _for_firmware(
+                Row(name, "lets the estimator use the drag", Estimate(value, value, value)), dialect, present
+            )
     return [row._replace(note=dialect.notes.get(row.name, "")) for row in found]
 
 
@@ -226,7 +232,7 @@ def _without_others(drag: Sequence[_Quantity], rows: Sequence[Row], model: Model
     if not any(row.estimate is not None for row in rows):
         return list(rows)
     families = {effect.family() for effect in model.effects}
-    off = "off, as the model holds no such drag"
+    off = "off: the model has no such drag"
     return [
         row if set(quantity.families) & families else Row(row.name, off, OFF)
         for row, quantity in zip(rows, drag, strict=True)
@@ -331,10 +337,25 @@ def _ballistic(model: Model, axis: int) -> float:
 
 
 def _momentum(model: Model) -> float:
-    """Momentum drag at sea level, 1/s: the estimators multiply it by the root of the density over 1.225 kg/m³."""
+    """Momentum drag at sea level, 1/s: the estimators multiply it by the root of the density over 1.225 kg/m³.
+
+    They have one number for both axes: the weighted mean, as an axis along which nobody flew tells little.
+    """
     drag = _values(model, LinearDrag)
+    weights = _precisions(model, LinearDrag, ("d_x", "d_y"))
     denser = math.sqrt(SEA_LEVEL_DENSITY_KG_M3 / model.vehicle.air_density_kg_m3)
-    return 0.5 * (drag["d_x"] + drag["d_y"]) * denser
+    return sum(weight * drag[name] for name, weight in weights.items()) / sum(weights.values()) * denser
+
+
+def _precisions(model: Model, kind: type[Effect], names: Sequence[str]) -> dict[str, float]:
+    """Inverse squares of the half-widths of the parameters' intervals; all 1 where one has none. An interval that
+    begins at 0, the bound of a drag, is the upper half of one."""
+    for item in model.stack:
+        ci95 = item.fitted.ci95 if item.fitted is not None else {}
+        if isinstance(item.effect, kind) and all(name in ci95 and ci95[name][0] < ci95[name][1] for name in names):
+            ends = {name: ci95[name] for name in names}
+            return {name: (high if low <= 0.0 else 0.5 * (high - low)) ** -2.0 for name, (low, high) in ends.items()}
+    return dict.fromkeys(names, 1.0)
 
 
 def parameter_file(rows: Sequence[Row], dialect: Dialect, title: str) -> str:
@@ -347,7 +368,9 @@ def parameter_file(rows: Sequence[Row], dialect: Dialect, title: str) -> str:
     """
     if all(row.estimate is None for row in rows):
         reasons = "".join(f"\n  {row.name}: {row.lacking}" for row in rows)
-        raise SettingsError(f"{title}: tells no parameter of {dialect.name}, for a reason each:{reasons}")
+        raise SettingsError(
+            f"{title}: no parameter of {dialect.name} follows from this model, for these reasons:{reasons}"
+        )
     lines = [f"# Parameters for {dialect.name} from {title}, with 95 % confidence intervals"]
     for row in rows:
         lines.append(f"# {row.name}: {said(row)}")

@@ -25,8 +25,8 @@ class Kind(Kinds):
     OF_FLIGHTS = "{effect}: its values of flight {flights:list}: those of all other flights are taken"
     # --- forces of another form ---
     OTHER_FORM = "{effect}: {model} in the model, {target}; {equal} in hover"
-    DIFFERENCE = "{effect}: the difference of {values}: {mean}"
-    DIFFERENCE_OF_AXES = "{effect}: its difference between axes ({values}): the mean of x and y, along all"
+    DIFFERENCE = "{effect}: {values} differ: {mean}"
+    DIFFERENCE_OF_AXES = "{effect}: its axes differ ({values}): the mean of x and y is taken along all"
     ALONG_AXES = "{effect}: d_z {d_z:g}: Gazebo's rotors have no drag along their axes"
     SATURATION = (
         "{effect}: its saturation above {speed_m_s:.3g} m/s: RotorPy's lift grows with the square of the speed without "

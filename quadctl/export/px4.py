@@ -33,10 +33,10 @@ PX4 = Dialect(
     },
     since={},
     notes={
-        "MPC_THR_HOVER": "where it starts from; MPC_USE_HTE then tracks it in flight",
+        "MPC_THR_HOVER": "the initial value: MPC_USE_HTE then updates it in flight",
         "THR_MDL_FAC": "tune the gains of the rate controller again; the vehicle file's throttle line changes, too",
         "EKF2_MCOEF": "one number for both axes",
-        "EKF2_DRAG_CTRL": "without it the drag is not used",
+        "EKF2_DRAG_CTRL": "1 switches the drag on",
         "EKF2_AID_MASK": "without bit 5 the drag is not used",
     },
     frame="CA_ROTOR_COUNT",

@@ -42,7 +42,7 @@ def sih_parameters(model: Model) -> tuple[str, tuple[Fact, ...]]:
             drag_kg_s += vehicle.mass_kg * _mean(each, item.fitted.ci95 if item.fitted is not None else {})
             if max(each.values()) - min(each.values()) > SAME * max(each.values()):
                 numbers = ", ".join(f"{name} {value:g}" for name, value in each.items())
-                mean = "their mean, along all axes"
+                mean = "their mean is taken along all axes"
                 left_out.append(fact(Kind.DIFFERENCE, effect=effect.name, values=numbers, mean=mean))
         elif isinstance(effect, FirstOrderLag):
             lag_s += effect.time_constant_s

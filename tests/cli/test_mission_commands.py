@@ -128,7 +128,7 @@ def test_what_the_check_warns_of_is_printed_before_the_flight(quadctl: Callable[
     config.write_text(yaml.safe_dump({"vehicle": vehicle, "compensator_limits": {"band": 0.01}}))
     words = ["missions/short_hop.yaml", "--config", config, "--log-dir", tmp_path, "--model", "sanchez"]
     out = quadctl("fly", *words, "--link", "nonsense").out
-    assert "warning: battery: 12 s of flight: its voltage is not guarded" in out
+    assert "warning: battery: 12 s of flight: no guard on the voltage" in out
     assert "limited to 0.99 to 1.01: it asks for more than the limit" in out
     simulated = quadctl("simulate", *words)
     assert simulated.status == 0

@@ -92,6 +92,14 @@ class TestDrag:
         assert found.estimate.value == pytest.approx(0.4 * math.sqrt(1.225 / 1.205))
         assert found.logs == ("runs.csv",)
 
+    def test_an_axis_along_which_nobody_flew_counts_as_little_as_it_is_known(self, raptor: Vehicle) -> None:
+        """d_y rests at 0, and its interval is three times as wide: (0.4 + 0 / 9) / (1 + 1 / 9) = 0.36."""
+        known = Provenance(ci95={"d_x": (0.3, 0.5), "d_y": (0.0, 0.3)})
+        found = rows_of(Model(raptor).plus(LinearDrag(0.4, 0.0, 0.0), known))["EKF2_MCOEF"].estimate
+        assert found is not None
+        assert found.value == pytest.approx(0.36 * math.sqrt(1.225 / 1.205))
+        assert found.low < 0.4 < found.high
+
     def test_a_drag_that_the_model_does_not_hold_is_off_and_the_estimator_uses_the_rest(self, raptor: Vehicle) -> None:
         rows = rows_of(Model(raptor).plus(LinearDrag(0.4, 0.4, 0.05), DRAG))
         values = {name: row.estimate.value for name, row in rows.items() if row.estimate is not None}
@@ -164,7 +172,7 @@ def test_what_the_model_does_not_hold_is_named_with_the_command_and_a_flight_tha
     assert all(row.estimate is None for row in rows.values())
     fits = "quadctl add rotor_drag fits one to runs at several speeds, such as missions/forward_runs.yaml"
     assert rows["EKF2_MCOEF"].lacking == f"the model holds no rotor_drag: {fits}"
-    with pytest.raises(SettingsError, match="tells no parameter of PX4"):
+    with pytest.raises(SettingsError, match="no parameter of PX4 follows"):
         parameter_file(list(rows.values()), PX4, "rigid.yaml")
 
 

@@ -96,7 +96,10 @@ def test_present_parameters_of_the_same_autopilot_are_read(quadctl: QuadCtl, mod
     done = quadctl("export", model, "--to", "px4", "--now", tmp_path / "now.params")
     assert done.status == 0, done.err
     assert "0.15" in done.out
-    assert "EKF2_MCOEF: mean of d_x and d_y, at 1.225 kg/m³, from runs.csv; one number for both axes" in done.out
+    assert (
+        "EKF2_MCOEF: mean of d_x and d_y, weighted by their intervals, at 1.225 kg/m³, from runs.csv; "
+        "one number for both axes" in done.out
+    )
 
 
 @pytest.mark.parametrize("target", [*AUTOPILOTS, *PROGRAMS])

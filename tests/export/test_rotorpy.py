@@ -110,7 +110,7 @@ def test_what_rotorpy_cannot_say_is_listed_in_the_file_and_on_the_terminal(
     assert done.status == 0, done.err
     for said in (
         "Left out: ground_effect.exponential: RotorPy's vehicle has no parameter for it.",
-        "Left out: rotor_drag.linear: the difference of d_x 0.3 and d_y 0.4: k_d is of their mean.",
+        "Left out: rotor_drag.linear: d_x 0.3 and d_y 0.4 differ: k_d is of their mean.",
         "Left out: gravity: RotorPy's is 9.81, the model's 9.80665",
     ):
         assert said in done.out

@@ -26,8 +26,8 @@ class Kind(Kinds):
     NO_COMPENSATOR = "none"
     COMPENSATOR = "{effects:list}, rotor heights {low_m:.2f} to {high_m:.2f} m"
     FITTED_HEIGHTS = "{effect} was fitted to rotor heights of {low_m:.2f} to {high_m:.2f} m"
-    BEYOND_FITTED = "the mission's limits go beyond, where it fades out over {fade_m:g} m"
-    RATIO = "thrust ratio {low:.3f} to {high:.3f} on the way, limited to {least:g} to {most:g}"
+    BEYOND_FITTED = "the mission's limits go beyond them, where it fades out within {fade_m:g} m"
+    RATIO = "thrust ratio by the model {low:.3f} to {high:.3f} in the mission, limited to {least:g} to {most:g}"
     RATIO_CUT = "it asks for more than the limit"
     SURFACES = "{names:list}"
     PLACE_UNKNOWN = "the mission does not say over which of them it is ({known:list}): the mean of all is compensated"
@@ -42,15 +42,16 @@ class Kind(Kinds):
     GUARD_ABOVE_CEILING = "the guard ends a climb at z = {guard_m:g} m (max_z_m + margin_m), which is above it"
     FENCE = "{farthest_m:.2f} m from take-off at most; beyond {fence_m:g} m quadctl lands"
     SPEED = (
-        "up to {top_m_s:.2f} m/s (climb {climb_m_s:.2f}, descent {descent_m_s:.2f}) " + _WHERE + "; above {most_m_s:g} "
-        "m/s quadctl lands"
+        "up to {top_m_s:.2f} m/s (climb {climb_m_s:.2f}, descent {descent_m_s:.2f}, without jumps of the reference) "
+        + _WHERE
+        + "; above {most_m_s:g} m/s quadctl lands"
     )
     SPEED_BEYOND_GUARD = "the guard would end the mission"
     FALLS_BEHIND = "the controller flies at most {name} = {limit_m_s:g} m/s and falls behind {speed_m_s:.2f} m/s"
     NEAR_SPEED_GUARD = "closer than {margin:.0%} to the guard"
     TILT = (
-        "up to {top_deg:.0f} deg " + _WHERE + ", the controller leans {limit_deg:g} deg at most; above {guard_deg:g} "
-        "deg quadctl hands over to the autopilot"
+        "up to {top_deg:.0f} deg " + _WHERE + ", controller's limit {limit_deg:g} deg; above {guard_deg:g} deg quadctl "
+        "hands over to the autopilot"
     )
     TILT_BEYOND_GUARD = "the controller may lean further than the guard allows, expected a guard above its limit"
     LEANS_LESS = "the controller leans less and falls behind"
@@ -68,8 +69,8 @@ class Kind(Kinds):
     )
     DOES_NOT_LAST = "it does not last"
     LITTLE_BATTERY = "less than {margin:.0%} is left"
-    VOLTAGE_UNGUARDED = "its voltage is not guarded (guards.min_battery_v is 0)"
-    ENDURANCE_UNKNOWN = "how long it lasts is not known (endurance_s in the vehicle file)"
+    VOLTAGE_UNGUARDED = "no guard on the voltage (guards.min_battery_v is 0)"
+    ENDURANCE_UNKNOWN = "the hover time on a full battery is not known (endurance_s in the vehicle file)"
     # --- rate and lag of the attitude ---
     RATE = (
         "the thrust axis turns by up to {rate_deg_s:.0f} deg/s " + _WHERE,
@@ -81,12 +82,10 @@ class Kind(Kinds):
     NOT_AHEAD = "look_ahead is false: the reference is fed forward at its own time"
     AHEAD = "the force to the side follows {lag_s:.2f} s later, and the reference is looked at ahead"
     NO_RESPONSE = (
-        "'{vehicle}' has no attitude_response: look-ahead is off, and the vehicle lags behind its reference; "
-        "`quadctl fit` finds it in a log of the mission `excitation`"
+        "the lag of the attitude is not known ('{vehicle}' has no attitude_response): the reference is not looked at "
+        "ahead, and the vehicle follows late; `quadctl fit` finds it in a log of the mission `excitation`"
     )
-    NO_DRAG = (
-        "lag {lag_s:.2f} s, but no drag in the model: look-ahead is off, and the vehicle lags behind its reference"
-    )
+    NO_DRAG = "lag {lag_s:.2f} s, but no drag in the model: the reference is not looked at ahead, and the vehicle follows late"
     LAG_NOT_SHOWN = "{log} does not show the lag"
     TOO_CALM = "expected 15 s in the air that lean both ways, as excitation does"
     LAG_SHOWN = (
