@@ -85,7 +85,7 @@ class Kind(Kinds):
         "the lag of the attitude is not known ('{vehicle}' has no attitude_response): the reference is not looked at "
         "ahead, and the vehicle follows late; `quadctl fit` finds it in a log of the mission `excitation`"
     )
-    NO_DRAG = "lag {lag_s:.2f} s, but no drag in the model: the reference is not looked at ahead, so the vehicle is late"
+    NO_DRAG = "lag {lag_s:.2f} s, but no drag in the model: no look-ahead of the reference, so the vehicle is late"
     LAG_NOT_SHOWN = "{log} does not show the lag"
     TOO_CALM = "expected 15 s in the air that lean both ways, as excitation does"
     LAG_SHOWN = (
