@@ -232,11 +232,14 @@ def conditions(
     battery_v: Number = float("nan"),
     position_ne_m: tuple[Number, Number] = (0.0, 0.0),
     place: Place | None = None,
+    rates_rad_s: Vector = (0.0, 0.0, 0.0),
 ) -> Conditions:
     """Conditions of a vehicle whose logged position is `z_up_m` above the ground; `place` maps its surfaces."""
     height_m = z_up_m + vehicle.rotor_height_m
     surfaces = place.shares(position_ne_m) if place is not None else ()
-    return Conditions(height_m, velocity_body_m_s, attitude, time_s, battery_v, position_ne_m, surfaces)
+    return Conditions(
+        height_m, velocity_body_m_s, attitude, time_s, battery_v, position_ne_m, surfaces, rates_rad_s=rates_rad_s
+    )
 
 
 class EffectEntry(Settings):

@@ -48,6 +48,8 @@ class Conditions:
     """Named surfaces of the ground below, each with its share; none where the flight does not say."""
     flight: int = 0
     """Number of the flight among those that are analysed together, from 1; 0 where there is but one."""
+    rates_rad_s: Vector = (0.0, 0.0, 0.0)
+    """Body rates, FRD; zero where they are not known."""
 
 
 @dataclass(frozen=True, slots=True)

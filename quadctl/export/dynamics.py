@@ -97,6 +97,7 @@ def _conditions(model: Model, x: Sequence[Any], p: Sequence[Any], names: Sequenc
             battery_v=p[0],
             position_ne_m=(x[0], x[1]),
             surfaces=shares,
+            rates_rad_s=(x[10], x[11], x[12]),
         )
     )
 

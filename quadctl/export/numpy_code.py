@@ -43,9 +43,10 @@ class _Argument(NamedTuple):
 VELOCITY = _Argument("velocity", ("u", "v", "w"), "forward, right, down")
 ATTITUDE = _Argument("attitude", ("q_w", "q_x", "q_y", "q_z"))
 POSITION = _Argument("position", ("north_m", "east_m"))
+RATES = _Argument("rates", ("p", "q", "r"), "about forward, right, down, rad/s")
 ARGUMENTS = (
     *(_Argument("thrust_n"), _Argument("total_n"), _Argument("height_m"), VELOCITY, ATTITUDE),
-    *(_Argument("time_s"), _Argument("battery_v"), POSITION),
+    *(_Argument("time_s"), _Argument("battery_v"), POSITION, RATES),
 )
 """Arguments in the order in which they stand."""
 _RESERVED = {"np", "known_or", "vector", "to_body", "to_world"}
@@ -161,6 +162,7 @@ class _File:
             battery_v=Symbol("battery_v"),
             position_ne_m=(Symbol("north_m"), Symbol("east_m")),
             surfaces=tuple((name.removeprefix(SHARE), Symbol(name)) for name in shares),
+            rates_rad_s=(Symbol("p"), Symbol("q"), Symbol("r")),
         )
         vehicle = Renamed(self._vehicle, "", self._used)
         names = Names()
@@ -245,6 +247,7 @@ class _File:
                 "        battery_v=p[0],",
                 "        time_s=p[1],",
                 "        position=x[0:2],",
+                "        rates=x[10:13],",
                 *shares,
                 "    )",
                 *(

@@ -146,8 +146,8 @@ class SimulatedBody:
             return vehicle.rotor_force(thrusts), vehicle.rotor_torque(thrusts)
         north, east, down = self.position
         velocity_body = rotate_inverse(self.attitude, self.velocity)
-        volts = self.battery.voltage_v
-        c = conditions(vehicle, -down, velocity_body, self.attitude, self.time_s, volts, (north, east), self._ground)
+        volts, place, rates = self.battery.voltage_v, self._ground, self.rates
+        c = conditions(vehicle, -down, velocity_body, self.attitude, self.time_s, volts, (north, east), place, rates)
         return truth.loads(thrusts, c)
 
     def _contact_force(self) -> Vec3 | None:

@@ -29,6 +29,7 @@ from quadctl.effects.ground_effect import (
 )
 from quadctl.effects.ground_effect_hexarotor import Hexarotor, HexarotorTilted
 from quadctl.effects.ground_effect_surfaces import Surfaces
+from quadctl.effects.rate_damping import ProportionalDamping
 from quadctl.effects.tether import HangingTether
 from quadctl.effects.thrust_scale import ConstantScale
 from quadctl.errors import SettingsError
@@ -291,7 +292,13 @@ def test_short_names_keep_their_meaning(word: str, name: str) -> None:
 
 
 def test_what_the_lab_never_proposes() -> None:
-    assert {kind for kind in CATALOG.values() if not kind.candidate} == {Surface, Surfaces, Nobahari, Kan}
+    assert {kind for kind in CATALOG.values() if not kind.candidate} == {
+        Surface,
+        Surfaces,
+        Nobahari,
+        Kan,
+        ProportionalDamping,
+    }
 
 
 # --- compensated ---------------------------------------------------------------------------------------------------

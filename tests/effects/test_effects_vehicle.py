@@ -24,6 +24,7 @@ from quadctl.effects.ground_torque import Levelling
 from quadctl.effects.inflow import AxialInflow
 from quadctl.effects.motor_lag import FirstOrderLag
 from quadctl.effects.payload import MassStep
+from quadctl.effects.rate_damping import ProportionalDamping
 from quadctl.effects.rotor_drag import LinearDrag
 from quadctl.effects.rotor_fault import FailingRotor, WeakRotor
 from quadctl.effects.rotor_interaction import FrontWake
@@ -36,6 +37,7 @@ from quadctl.effects.wind import Push, SteadyWind, WindOfBothDrags, WindOfEachFl
 from quadctl.errors import SettingsError
 from quadctl.frames import Quaternion, multiply, quaternion_from_euler, rotate, rotate_inverse
 from quadctl.model import Model
+from quadctl.sitl.vehicle.body import SimulatedBody
 from quadctl.vehicle import Vehicle
 
 LEVEL: Quaternion = (1.0, 0.0, 0.0, 0.0)
@@ -456,6 +458,22 @@ def test_in_a_wind_the_moment_is_that_of_the_airspeed(raptor: Vehicle) -> None:
 def test_a_moment_of_less_than_a_tenth_of_a_millimetre_is_negligible() -> None:
     assert IsotropicMoment(-0.09).negligible()
     assert not IsotropicMoment(-0.11).negligible()
+
+
+def test_a_rate_is_damped_in_proportion_to_the_inertia(raptor: Vehicle) -> None:
+    """-(0.0123 x 2 x 1.5, 0.0123 x 3 x -0.5, 0.0224 x 0.5 x 2) N m."""
+    turning = dataclasses.replace(at(), rates_rad_s=(1.5, -0.5, 2.0))
+    torque = ProportionalDamping(2.0, 3.0, 0.5).torque([HOVER_N] * 4, turning, raptor)
+    assert torque == pytest.approx((-0.0369, 0.01845, -0.0224))
+
+
+def test_the_simulated_body_stops_turning_by_it(raptor: Vehicle) -> None:
+    """A free yaw rate falls to exp(-d t): 2 rad/s to 2 exp(-1.5 x 0.4) = 1.0976 rad/s."""
+    body = SimulatedBody(Model(raptor).plus(ProportionalDamping(0.0, 0.0, 1.5)))
+    body.position, body.rates = (0.0, 0.0, -50.0), (0.0, 0.0, 2.0)
+    for _ in range(200):
+        body.step([0.0] * 4, armed=False)
+    assert body.rates[2] == pytest.approx(1.0976, rel=2e-3)
 
 
 def test_a_wake_takes_no_more_than_nine_tenths(raptor: Vehicle) -> None:

@@ -123,6 +123,7 @@ def conditions(model: Model, x: Floats, p: Floats) -> Conditions:
         battery_v=float(p[0]),
         position_ne_m=(x[0], x[1]),
         surfaces=tuple(zip(named, p[2:], strict=True)),
+        rates_rad_s=(x[10], x[11], x[12]),
     )
 
 

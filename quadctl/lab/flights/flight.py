@@ -412,6 +412,7 @@ def _conditions_at(c: Conditions, columns: NDArray[np.int64] | slice) -> Conditi
     """Conditions at some places of the grid."""
     speed_x, speed_y, speed_z = c.velocity_body_m_s
     w, x, y, z = c.attitude
+    p, q, r = c.rates_rad_s
     return replace(
         c,
         height_m=_at(c.height_m, columns),
@@ -421,6 +422,7 @@ def _conditions_at(c: Conditions, columns: NDArray[np.int64] | slice) -> Conditi
         battery_v=_at(c.battery_v, columns),
         position_ne_m=(_at(c.position_ne_m[0], columns), _at(c.position_ne_m[1], columns)),
         surfaces=tuple((name, _at(share, columns)) for name, share in c.surfaces),
+        rates_rad_s=(_at(p, columns), _at(q, columns), _at(r, columns)),
     )
 
 

@@ -35,6 +35,7 @@ from quadctl.logs.record.flight_time import total
 from quadctl.logs.record.record import LEFT_OUT_S, MIN_FLIGHT_S, Record, examine
 from quadctl.logs.words import worded
 from quadctl.model import Model
+from quadctl.numeric import Vector
 from quadctl.surfaces import read_place
 from quadctl.vehicle import Vehicle
 
@@ -215,13 +216,17 @@ def _assemble(
     battery = signals.battery.at(grid) if signals.battery else np.full_like(grid, np.nan)
     height = signals.position[2].at(grid) + vehicle.rotor_height_m
     position = (signals.position[0].at(grid), signals.position[1].at(grid))
+    rates: Vector = (0.0, 0.0, 0.0)
+    if signals.rates:
+        p, q, r = (channel.at(grid) for channel in signals.rates)
+        rates = p, q, r
     measured = np.column_stack([derivative @ v for v in (north, east, up)])
     nominal = signals.thrust_on(grid)
     return Flight(
         name=name,
         vehicle=vehicle,
         grid_s=grid,
-        conditions=Conditions(height, velocity_body, attitude, grid, battery, position),
+        conditions=Conditions(height, velocity_body, attitude, grid, battery, position, rates_rad_s=rates),
         nominal_n=nominal,
         logged_n=nominal,
         velocity_neu=(north, east, up),
