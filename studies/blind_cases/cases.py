@@ -18,6 +18,7 @@ from .truths_air import (
     LevellingGround,
     SkewedWakes,
 )
+from .truths_rotation import OffCentre, OtherInertia, StiffHubs
 from .truths_unknown import Magnet, Resonance, Updraft
 from .truths_vehicle import (
     BentArms,
@@ -42,7 +43,7 @@ VEHICLES = {
 STRENGTHS = (1.0, 0.5, 0.3)
 SeedSet = Literal["tuning", "final"]
 FIRST_SEED: dict[SeedSet, int] = {"tuning": 1_000_000, "final": 4_000_000}
-Kind = Literal["single", "pair", "none", "unexplained"]
+Kind = Literal["single", "pair", "none", "unexplained", "nameless"]
 
 TRUTHS: dict[str, type[Truth]] = {
     kind.__name__: kind
@@ -69,6 +70,9 @@ TRUTHS: dict[str, type[Truth]] = {
         Updraft,
         Resonance,
         Magnet,
+        StiffHubs,
+        OtherInertia,
+        OffCentre,
     )
 }
 
@@ -95,11 +99,15 @@ MISSIONS: dict[str, tuple[str, ...]] = {
     "Updraft": ("places", "runs", "places"),
     "Resonance": ("jumps", "climbs", "jumps"),
     "Magnet": ("runs", "places", "runs"),
+    "StiffHubs": ("fast_runs", "runs", "fast_runs"),
+    "OtherInertia": ("fast_runs", "places", "jumps"),
+    "OffCentre": ("places", "runs", "places"),
 }
 """Flights that show each truth; the last is kept unseen."""
 
 SINGLES = tuple(name for name, kind in TRUTHS.items() if kind.family and name not in ("GroundCushion", "GroundImages"))
-UNKNOWN = tuple(name for name, kind in TRUTHS.items() if not kind.family)
+NAMELESS = tuple(name for name, kind in TRUTHS.items() if kind.nameless)
+UNKNOWN = tuple(name for name, kind in TRUTHS.items() if not kind.family and not kind.nameless)
 PAIRS = (
     ("GroundCushion", "HubForce"),
     ("GroundImages", "OtherMass"),
@@ -141,6 +149,8 @@ class Case:
     def kind(self) -> Kind:
         if not self.truths:
             return "none"
+        if all(TRUTHS[name].nameless for name in self.truths):
+            return "nameless"
         if not all(self.families):
             return "unexplained"
         return "pair" if len(self.truths) > 1 else "single"
@@ -183,6 +193,7 @@ def all_cases(seeds: SeedSet) -> list[Case]:
             cases += [_case((name,), strength, vehicle, seeds) for name in (ground, *SINGLES)]
         cases += [_case(pair, strength, vehicles[i % 3], seeds) for i, pair in enumerate(PAIRS)]
         cases += [_case((name,), strength, vehicle, seeds) for name in UNKNOWN for vehicle in vehicles[:2]]
+        cases += [_case((name,), strength, vehicle, seeds) for name in NAMELESS for vehicle in vehicles]
     sets = sorted(set(MISSIONS.values()))
     for i in range(24):
         cases.append(_case((), 1.0, vehicles[i % 3], seeds, missions=sets[i % len(sets)], salt=i))

@@ -98,6 +98,8 @@ def scores(results: Sequence[Result]) -> list[tuple[str, ...]]:
     kinds = [[r for r in results if _is(r, "unexplained", s)] for s in STRENGTHS]
     shares = [share([r.right for r in group]) for group in kinds]
     rows.append(("outside of the catalogue: called unexplained", *shares, f">= {UNEXPLAINED[0]} of {UNEXPLAINED[1]}"))
+    nameless = [share([r.right for r in results if _is(r, "nameless", s)]) for s in STRENGTHS]
+    rows.append(("inertia off by 20 %, centre of mass by 4 mm: nothing named", *nameless, ""))
     clean = [r for r in results if r.case.kind == "none"]
     alarms = f"{sum(not r.right for r in clean)} of {len(clean)}" if clean else "-"
     rows.append(("false alarms where nothing is hidden", alarms, "", "", f"{FALSE_ALARMS} of 24"))
@@ -168,7 +170,9 @@ def _options() -> argparse.Namespace:
     parser.add_argument("--set", choices=("tuning", "final"), default="tuning", help="which seeds")
     parser.add_argument("--strength", type=float, choices=STRENGTHS, nargs="*", help="these strengths only")
     parser.add_argument("--family", nargs="*", help="cases that hide one of these families (or truths) only")
-    parser.add_argument("--kind", choices=("single", "pair", "none", "unexplained"), nargs="*", help="these kinds only")
+    parser.add_argument(
+        "--kind", choices=("single", "pair", "none", "unexplained", "nameless"), nargs="*", help="these kinds only"
+    )
     parser.add_argument("--vehicle", nargs="*", help="these vehicles only")
     parser.add_argument("--jobs", type=int, default=2, help="processes")
     return parser.parse_args()

@@ -59,8 +59,10 @@ class Instant:
 class Truth:
     """Hidden physics of a world. Strength 1 is that of real vehicles; 0 is none."""
 
-    family: ClassVar[str]
+    family: ClassVar[str] = ""
     """Family in the catalogue; "" for physics that no effect of it describes."""
+    nameless: ClassVar[bool] = False
+    """True of a wrong number of the vehicle file that no effect corrects: right is an answer without a name."""
     also: ClassVar[tuple[str, ...]] = ()
     """Families that are really there besides, so that naming them after `family` is no mistake."""
 
@@ -124,6 +126,11 @@ class HiddenBody(SimulatedBody):
         slope = self.nuisances.slope
         base = self.file_vehicle.rotor_height_m - down - slope[0] * north - slope[1] * east
         return [base - px * dx - py * dy for px, py, _ in (rotor.position_m for rotor in self.vehicle.rotors)]
+
+    def weigh_moments(self, factors: Sequence[float]) -> None:
+        """Multiply the moments of inertia about the body axes."""
+        x, y, z = (inertia * factor for inertia, factor in zip(self._inertia, factors, strict=True))
+        self._inertia = (x, y, z)
 
     def means(self) -> tuple[Vec3, Vec3]:
         """Since the last call: acceleration by the truths, NED, and specific force, FRD, m/s^2."""

@@ -34,6 +34,7 @@ from studies.blind_cases.truths_air import (
     LevellingGround,
     SkewedWakes,
 )
+from studies.blind_cases.truths_rotation import OffCentre, OtherInertia, StiffHubs
 from studies.blind_cases.truths_vehicle import BentArms, Cable, Cargo, ChippedBlade, OtherMass, ReynoldsThrust
 from studies.blind_cases.world import HiddenBody, Truth
 
@@ -41,7 +42,7 @@ LEVEL: Quat = (1.0, 0.0, 0.0, 0.0)
 FAMILIES = {
     *("ground_effect", "ceiling_effect", "rotor_drag", "body_drag", "inflow", "translational_lift", "wind"),
     *("thrust_scale", "payload", "battery_sag", "motor_lag", "thrust_tilt", "tether", "rotor_fault", "imu_bias"),
-    *("thrust_curve", "rotor_interaction", "ground_torque"),
+    *("thrust_curve", "rotor_interaction", "ground_torque", "airspeed_moment"),
 }
 
 
@@ -163,6 +164,28 @@ class TestTruths:
         effect = CATALOG["thrust_tilt.fixed"].from_values(tilt, "test")
         c = conditions(raptor, 10.0, (0.0, 0.0, 0.0), LEVEL)
         assert force[:2] == pytest.approx(effect.force(raptor.weight_n, c, raptor)[:2], abs=0.01)
+
+    def test_stiff_hubs_lift_the_side_that_meets_the_air(self, raptor: Vehicle) -> None:
+        """1.1 mm of 14.71 N per m/s: at 3 m/s forward and 1 to the left 0.04854 and 0.01618 N m."""
+        turned = wrench(raptor, StiffHubs, velocity=(3.0, -1.0, 0.0)) - wrench(raptor, None)
+        assert turned == pytest.approx([0.0, 0.0, 0.0, 0.01618, 0.04854, 0.0], abs=2e-5)
+
+    def test_a_centre_of_mass_that_is_off_turns_with_the_thrust(self, raptor: Vehicle) -> None:
+        """2.8 mm of 14.71 N, and 1.21 times as much at 1.1 times the speed; no force."""
+        for rpm, moment_n_m in ((1.0, 0.04119), (1.1, 0.04984)):
+            turned = wrench(raptor, OffCentre, rpm=rpm) - wrench(raptor, None, rpm=rpm)
+            assert np.abs(turned) == pytest.approx([0.0, 0.0, 0.0, moment_n_m, moment_n_m, 0.0], rel=1e-3, abs=1e-9)
+
+    def test_a_body_of_other_inertia_answers_a_moment_otherwise(self, raptor: Vehicle) -> None:
+        truth = OtherInertia(raptor, 1.0, random.Random(3))
+        body, plain = (HiddenBody(raptor, truths, calm(raptor)) for truths in ([truth], []))
+        for one in (body, plain):
+            one.position = (0.0, 0.0, -50.0)
+            one.rpm = [6200.0, 5800.0, 6000.0, 6000.0]
+            one.step([0.5] * 4, armed=True)
+        factors = np.array(plain.rates)[:2] / np.array(body.rates)[:2]
+        assert factors == pytest.approx([1.0 + share for share in truth.shares[:2]])
+        assert all(0.1 <= abs(share) <= 0.2 for share in truth.shares)
 
     def test_the_cable_pulls_down_by_its_weight_and_more(self, raptor: Vehicle) -> None:
         pulls = [wrench(raptor, Cable, height_m=h)[2] - wrench(raptor, None)[2] for h in (0.0, 0.5, 1.0, 2.0)]
@@ -306,6 +329,20 @@ class TestBlindCases:
         case = next(c for c in all_cases("tuning") if c.kind == "none" and c.vehicle == "raptor")
         result = judge(short(case), tmp_path)
         assert result.missing == [], result.effects
+
+
+def test_a_wrong_number_of_the_file_that_no_effect_corrects_must_get_no_name() -> None:
+    case = next(c for c in all_cases("tuning") if c.kind == "nameless")
+    answers: list[tuple[str, list[str], tuple[str, ...]]] = [
+        ("none", [], ()),
+        ("unexplained", [], ()),
+        ("small", [], ("tether",)),
+        ("missing", ["wind"], ()),
+    ]
+    results = [Result(case, verdict, names, [], 1.0, None, [], small=small) for verdict, names, small in answers]
+    assert [result.right for result in results] == [True, True, False, False]
+    rows = {row[0]: row[1] for row in scores(results)}
+    assert rows["inertia off by 20 %, centre of mass by 4 mm: nothing named"] == "2/4 = 50%"
 
 
 def test_what_is_small_is_counted_by_itself_and_is_an_alarm_where_nothing_is_hidden() -> None:
