@@ -24,9 +24,6 @@ class StiffHubs(Truth):
         lever_m = 1e-3 * self.MM * self.strength
         now.turn(-lever_m * turning * v, lever_m * turning * u, 0.0)
 
-    def parameters(self) -> dict[str, dict[str, float]]:
-        return {"airspeed_moment.isotropic": {"k": self.MM * self.strength}}
-
 
 class OtherInertia(Truth):
     """Moments of inertia up to 20 % larger or smaller than those of the file, each by its own share."""
