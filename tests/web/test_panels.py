@@ -23,7 +23,7 @@ from quadctl.effects.payload import MassStep
 from quadctl.effects.thrust_scale import ConstantScale
 from quadctl.lab.comparison.failures import Failure, Stretch
 from quadctl.lab.comparison.remainder import Remainder
-from quadctl.lab.comparison.wording import agreement_in_short, agreement_parts, number, quantity, share_of_g
+from quadctl.lab.comparison.wording import number, quantity, share_of_g
 from quadctl.lab.fitting.fitted_model import fit_model
 from quadctl.lab.fitting.nuisances import BOUND, KINDS
 from quadctl.lab.flights.dataset import Dataset, load_dataset
@@ -43,16 +43,17 @@ from quadctl.web.elements.theme import DARK, LIGHT
 from quadctl.web.figures.ratio import ratio_over_height
 from quadctl.web.page.page import TABS, Page
 from quadctl.web.panels.choices import Choices
-from quadctl.web.panels.compensator import answer_in_words, doubts_in_words, far_in_words
+from quadctl.web.panels.compensator import answer, doubts, far
 from quadctl.web.panels.evidence import chosen_of, rival_of
 from quadctl.web.panels.fails import Failures
 from quadctl.web.panels.glossary import GLOSSARY
 from quadctl.web.panels.help import KEYS
 from quadctl.web.panels.overview import as_drawn, beside_the_motion
 from quadctl.web.panels.panel import Controls, Panel
-from quadctl.web.panels.stack import BEYOND, NUISANCES, SAME_CAUSE, apart_in_words, kind_in_words, limited_in_words
+from quadctl.web.panels.stack import BEYOND, NUISANCES, SAME_CAUSE, apart, at_limits, kind_of
 from quadctl.web.panels.verdict import OF_BLOCKS, Verdict, on_whole_flights
 from quadctl.web.panels.view import OWNERS, View, owner_of
+from quadctl.web.panels.words import Said
 from quadctl.web.session.findings import Diagnosed, Findings
 from quadctl.web.session.history import History
 from quadctl.web.session.session import Rung, Session
@@ -62,6 +63,7 @@ from quadctl.web.work.simulated import FAR, WITH, WITHOUT
 from quadctl.web.work.state import Gathered, Message, Results, Work
 from quadctl.web.workbench.intake import Intake
 from quadctl.web.workbench.workbench import Workbench
+from quadctl.words import fact
 from tests.support.flights import obedient
 from tests.support.places import ROOT, VEHICLES
 
@@ -531,7 +533,7 @@ class TestOpenTab:
     def test_values_of_single_flights_that_are_used_for_others_are_told(
         self, views: dict[str, View], tabs: Callable[[str, View], OpenTab]
     ) -> None:
-        said = "Payload.step holds values of 1.csv, 0.csv, which are used in this order for 0.csv, 1.csv."
+        said = "payload.step holds values of 1.csv, 0.csv, which are used in this order for 0.csv, 1.csv."
         assert said in str(tabs("time", views["values of other flights"]).shown)
         assert views["at first"].of_other_flights == ()
 
@@ -709,7 +711,7 @@ class TestOpenTab:
         whole = replace(view.opened.seen, hold_out="flights")
         found = Study(view.session.model, whole).evaluate()
         there = replace(view, opened=replace(view.opened, seen=whole), results=Results(found))
-        assert kind_in_words(found).endswith("per-flight bias included")
+        assert str(kind_of(found)).endswith("per-flight bias included")
         blocks, flights = (str(tabs("missing", each).shown) for each in (view, there))
         assert " included: on held-out flights" in flights and "apart from the" not in flights
         assert ", apart from the " in blocks and " included" not in blocks
@@ -717,28 +719,27 @@ class TestOpenTab:
     def test_trims_at_their_limit_are_named_with_their_flights(self, views: dict[str, View]) -> None:
         evaluation = views["at first"].results.evaluation
         assert evaluation is not None
-        assert limited_in_words(evaluation, None) == ""
+        assert at_limits(evaluation, None) == []
         nuisances = evaluation.solution.optimum.nuisances.copy()
         nuisances[1, 0] = BOUND[0]
         optimum = replace(evaluation.solution.optimum, nuisances=nuisances)
         limited = replace(evaluation, solution=replace(evaluation.solution, optimum=optimum))
-        said = "At the limit of what is usual for a flight: thrust (1.csv)."
-        assert limited_in_words(limited, None) == said
+        (at_limit,) = at_limits(limited, None)
+        assert str(at_limit) == "At the limit of what is usual for a flight: thrust (1.csv)."
         found = views["at first"].results.found
         assert found is not None
-        beyond = " More than that would be a thrust scale, which these data do not establish (p 0.04)."
-        for p_value, more in ((0.04, beyond), (1e-5, "")):
+        for p_value, more in ((0.04, [fact(Said.MORE_IS, family="thrust_scale", p=0.04)]), (1e-5, [])):
             candidate = replace(found.diagnosis.ranking[0], effect=ConstantScale(0.98), p_value=p_value)
             tried = replace(found, diagnosis=replace(found.diagnosis, ranking=[candidate]))
-            assert limited_in_words(limited, tried) == said + more
+            assert at_limits(limited, tried) == [at_limit, *more]
 
     def test_whether_the_flights_agree_is_said_beside_the_error_and_where_the_model_fails(
         self, views: dict[str, View], tabs: Callable[[str, View], OpenTab]
     ) -> None:
         evaluation = views["at first"].results.evaluation
         assert evaluation is not None and evaluation.agreement is not None
-        assert agreement_in_short(evaluation.agreement) in str(tabs("missing", views["at first"]).shown)
-        first, *more = agreement_parts(evaluation.agreement)
+        assert str(evaluation.agreement.answer) in str(tabs("missing", views["at first"]).shown)
+        first, *more = map(str, evaluation.agreement.parts)
         shown = str(tabs("fails", views["at first"]).shown)
         assert all(part.rstrip(".")[1:] in shown for part in (first, *more))
 
@@ -805,11 +806,11 @@ class TestOpenTab:
         assert flight is not None
         vehicle = flight.vehicle
         light = Model(vehicle.model_copy(update={"mass_kg": 0.9 * vehicle.mass_kg}))
-        assert as_drawn(0.1, light, flight, "north") == ""  # thrust is upright
-        said = as_drawn(0.1, light, flight, "up")
-        (off,) = re.findall(r"off by ([\d.]+) m/s² up\.", said)
-        assert float(off) == pytest.approx(9.81 / 0.9 - 9.81, abs=0.3)  # the rotors carry 1 / 0.9 of the weight
-        assert as_drawn(float(off), light, flight, "up") == ""
+        assert as_drawn(0.1, light, flight, "north") == []  # thrust is upright
+        (said,) = as_drawn(0.1, light, flight, "up")
+        off = said.facts["off_m_s2"]
+        assert off == pytest.approx(9.81 / 0.9 - 9.81, abs=0.3)  # the rotors carry 1 / 0.9 of the weight
+        assert as_drawn(off, light, flight, "up") == []
 
     def test_of_a_flight_that_hardly_moves_it_is_said_that_no_model_would_be_closer(
         self, views: dict[str, View]
@@ -819,8 +820,9 @@ class TestOpenTab:
         assert view.flight is not None
         measured = view.flight.measured
         moves = float(np.sqrt(np.mean(measured[:, 2] ** 2)))
-        assert beside_the_motion(0.9 * moves, view.flight, "up") == ""
-        assert f"it is {quantity(moves)} up (RMS)" in beside_the_motion(1.1 * moves, view.flight, "up")
+        assert beside_the_motion(0.9 * moves, view.flight, "up") == []
+        (said,) = beside_the_motion(1.1 * moves, view.flight, "up")
+        assert said.facts["moves_m_s2"] == pytest.approx(moves)
 
     def test_what_an_added_effect_looks_like_stays_on_its_card(
         self, views: dict[str, View], tabs: Callable[[str, View], OpenTab]
@@ -940,7 +942,7 @@ class TestOpenTab:
         view = views["at first"]
         evaluation = view.results.evaluation
         assert evaluation is not None
-        assert apart_in_words(evaluation) == ""
+        assert apart(evaluation) == []
         optimum = evaluation.solution.optimum
         fitted = np.zeros_like(optimum.nuisances)
         fitted[0, 0], fitted[1, 0] = 0.015, -0.015
@@ -962,11 +964,9 @@ class TestOpenTab:
             UnseenError("blocks", {"total": 1.63}, {"total": 0.443}),
             UnseenError("flights", {"total": 1.64}, {"total": 0.61}),
         ]
-        assert on_whole_flights(unseen) == (
-            " With all that is missing, the error with whole flights held out is 0.610 m/s² instead of 1.64 m/s²; "
-            "on blocks of time it is 0.443 m/s²."
-        )
-        assert on_whole_flights(unseen[:1]) == ""
+        (found,) = on_whole_flights(unseen)
+        assert found.facts == {"same": False, "before": 1.64, "after": 0.61, "on_blocks": 0.443}
+        assert on_whole_flights(unseen[:1]) == []
 
     def test_another_form_of_an_effect_lost_against_that_effect(self, views: dict[str, View]) -> None:
         found = views["at first"].results.found
@@ -1009,8 +1009,8 @@ class TestOpenTab:
         view = views["at first"]
         assert view.session.model is not None and view.opened.seen is not None
         scaled = view.session.model.plus(ConstantScale(0.87))
-        assert "Far from the ground the model gives the rotors 0.870 times the thrust" in far_in_words(scaled)
-        assert "factor 1" in far_in_words(view.session.model)
+        assert far(scaled).kind is Said.FACTOR and far(scaled).facts["factor"] == pytest.approx(0.87, abs=1e-4)
+        assert far(view.session.model).kind is Said.FACTOR_ONE
         own, without = (
             next(
                 curve["y"]
@@ -1045,23 +1045,23 @@ class TestOpenTab:
         without = SimpleNamespace(m_b_absolute=0.249, rmse_m=0.148)
         compensated = SimpleNamespace(m_b_absolute=0.078, rmse_m=0.144)
         steps = cast(Any, SimpleNamespace(flown={WITHOUT: without, WITH: compensated}))
-        said = answer_in_words(model, steps)
+        said = str(answer(model, steps))
         assert said.startswith("Better with the compensator: what the ground does to the flight, which is")
         assert "changes by \u221269% (M_B from 0.249 to 0.078 m s)." in said and "changes by \u22123% (RMSE)." in said
         worse = cast(Any, SimpleNamespace(flown={WITHOUT: compensated, WITH: without}))
-        assert answer_in_words(model, worse).startswith("Not better with the compensator")
+        assert str(answer(model, worse)).startswith("Not better with the compensator")
         flat = replace(model, stack=()).plus(ConstantScale(1.2))
-        assert answer_in_words(flat, worse).startswith("This model has no effect of the ground")
+        assert answer(flat, worse) == fact(Said.NO_GROUND)
 
     def test_a_compensator_for_what_may_be_another_effect_is_not_just_accepted(self, views: dict[str, View]) -> None:
         model = views["at first"].session.model
         assert model is not None
         scaled = replace(model, stack=()).plus(ConstantScale(1.2))
-        (doubt,) = doubts_in_words(scaled, {"thrust_scale": ("battery_sag",)})
-        assert doubt.startswith("The flights do not tell whether it is thrust scale or battery sag.")
-        assert doubts_in_words(scaled, {}) == []
+        (doubt,) = doubts(scaled, {"thrust_scale": ("battery_sag",)})
+        assert doubt.facts["families"] == ("thrust_scale", "battery_sag")
+        assert doubts(scaled, {}) == []
         both = scaled.plus(Exponential(0.1, 2.0))
-        assert doubts_in_words(both, {"thrust_scale": ("ground_effect",)}) == []  # it corrects for both
+        assert doubts(both, {"thrust_scale": ("ground_effect",)}) == []  # it corrects for both
 
     def test_a_measure_that_changes_its_sign_has_no_change_in_percent(
         self, views: dict[str, View], tabs: Callable[[str, View], OpenTab]

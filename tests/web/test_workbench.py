@@ -31,7 +31,7 @@ from quadctl.logs.quality import ChannelQuality, QualityReport, quality
 from quadctl.model import Model, Provenance, StackedEffect, load_model
 from quadctl.vehicle import Vehicle
 from quadctl.vehicle_draft.draft import draft
-from quadctl.web.panels.compensator import commands_of_a_model, name_of_file
+from quadctl.web.panels.compensator import COMMANDS, name_of_file
 from quadctl.web.panels.vehicle import TYPICAL
 from quadctl.web.session.earlier import PREVIOUS
 from quadctl.web.session.files import sha256_of
@@ -522,11 +522,11 @@ class TestExport:
     def test_the_file_and_the_commands_that_use_it_are_said(self, bench: Workbench) -> None:
         bench.say_exported("model.yaml")
         assert bench.message is not None and "saved as model.yaml in the downloads folder" in bench.message.text
-        assert [command for _, command in commands_of_a_model("model.yaml")] == [
-            "quadctl fly MISSION --model model.yaml",
-            "quadctl simulate MISSION --model model.yaml --hidden model.yaml",
-            "quadctl export model.yaml --to px4",
-            "quadctl compare model.yaml LOG",
+        assert [command for _, command in COMMANDS] == [
+            "quadctl fly MISSION --model {name}",
+            "quadctl simulate MISSION --model {name} --hidden {name}",
+            "quadctl export {name} --to px4",
+            "quadctl compare {name} LOG",
         ]
 
     def test_its_name_is_that_of_the_vehicle_and_what_was_added(self, raptor: Vehicle) -> None:
@@ -537,7 +537,7 @@ class TestExport:
         assert name_of_file(Model(raptor, (*effects, *effects[:1]))) == "raptor_4_effects.yaml"
 
     def test_the_commands_are_those_that_there_are(self, bench: Workbench, capsys: pytest.CaptureFixture[str]) -> None:
-        for _, command in commands_of_a_model("model.yaml"):
+        for _, command in COMMANDS:
             _, name, *words = command.split()
             options = [word for word in words if word.startswith("--")]
             shown = CliRunner().invoke(app, [name, "--help"], env={"COLUMNS": "200"}).output

@@ -10,6 +10,7 @@ from quadctl.vehicle import Vehicle
 
 ADDED = "with what was added"
 """Name of the last model beside the first."""
+BEFORE = "before anything was added"
 
 
 class Shown(NamedTuple):
@@ -51,4 +52,4 @@ class Results(NamedTuple):
     def titled(self, title: str) -> str:
         """`title` of a section on the model given, which says so where the page also has the model with what was
         added."""
-        return title if self.addition is None else f"{title}: {self.comparison.model.name}, before anything was added"
+        return title if self.addition is None else f"{title}: {self.comparison.model.name}, {BEFORE}"

@@ -8,17 +8,14 @@ from nicegui import ui
 from quadctl.lab.comparison.agreement import flights_of_the_fit
 from quadctl.lab.comparison.wording import (
     FLOOR,
-    agreement_in_short,
+    bias_of,
     change_in_words,
     held_out,
     listed,
     number,
     plain,
-    quantity,
     roughly,
-    share_of_g,
-    trim_in_words,
-    where_in_words,
+    where,
 )
 from quadctl.lab.evaluation import Evaluation
 from quadctl.lab.fitting.fitted_model import is_fitted_to
@@ -27,7 +24,9 @@ from quadctl.web.elements.html import tag
 from quadctl.web.panels.glossary import explained
 from quadctl.web.panels.panel import Controls, Panel
 from quadctl.web.panels.vehicle import WhichVehicle
+from quadctl.web.panels.words import Said
 from quadctl.web.session.session import Rung, Session
+from quadctl.words import Fact, fact
 
 
 @dataclass(frozen=True)
@@ -61,11 +60,12 @@ class Ladder(Panel):
                         change = change_in_words(1.0 - now / errors[0])
                         tag("span", "change", f"{change} since {_plain(judged[0][0])}")
             if evaluation is not None:
-                with tag("p", "muted what"):
-                    explained(self._kind_of_error())
+                if self.seen is not None:
+                    with tag("p", "muted what"):
+                        explained(str(self._kind_of_error(evaluation, self.seen)))
                 if evaluation.agreement is not None:
                     with tag("p", "what").props('id="agreement"'):
-                        tag("b", "", agreement_in_short(evaluation.agreement))
+                        tag("b", "", str(evaluation.agreement.answer))
                         tag("span", "", " The numbers are in Where it fails.")
             do.nest(WhichVehicle)
             largest = max([*errors, now or 0.0, 1e-9])
@@ -93,25 +93,21 @@ class Ladder(Panel):
             return self.evaluation.error_m_s2
         return None if self.session.rung is None or self.session.off else self.session.rung.error_m_s2
 
-    def _kind_of_error(self) -> str:
-        """The error in words, and the data that it is computed on."""
-        if self.evaluation is None or self.seen is None:
-            return ""
-        error = self.evaluation.error_m_s2
-        said = f"The model mispredicts acceleration by {quantity(error)}, {share_of_g(error)} of g (RMSE)"
-        if self.evaluation.unseen is not None:
-            names = self.evaluation.unseen.dataset.names
+    def _kind_of_error(self, evaluation: Evaluation, seen: Dataset) -> Fact:
+        """The error, and the data that it is computed on."""
+        error = {"error_m_s2": evaluation.error_m_s2}
+        if evaluation.unseen is not None:
+            names = evaluation.unseen.dataset.names
             used = [] if self.session.rung is None else flights_of_the_fit(self.session.rung.model, names)[0]
             known = [name for name in names if name in used]
             if known:
-                return f"{said}, on {listed(names)}; the model was fitted to {listed(known)} before it was held out."
-            return f"{said}, per-flight bias included, on the held-out {listed(names)}."
-        if self.evaluation.kind == "as it stands":
-            used = flights_of_the_fit(self.evaluation.comparison.model, self.seen.names)[0]
-            fitted = f"it is fitted to {listed(used)}" if used else "it has the parameters of its file"
-            return f"{said}, {where_in_words(self.seen, (), as_it_stands=True)}; {fitted}."
-        refitted = ", the other effects refitted" if self.session.off else ""
-        return f"{said}, {trim_in_words(self.seen)}{refitted}: on {held_out(self.seen)}."
+                return fact(Said.ERROR_KNOWN, **error, flights=names, fitted=known)
+            return fact(Said.ERROR_ON, **error, where=where(seen, names))
+        if evaluation.kind == "as it stands":
+            used = flights_of_the_fit(evaluation.comparison.model, seen.names)[0]
+            return fact(Said.ERROR_AS_IT_STANDS, **error, where=where(seen, (), as_it_stands=True), fitted=used)
+        data = {"bias": bias_of(seen), "held_out": held_out(seen), "refitted": bool(self.session.off)}
+        return fact(Said.ERROR_CROSS_VALIDATED, **error, **data)
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,6 @@ from typing import Any, Literal
 
 from quadctl.lab.comparison.comparison import values_of_other_flights
 from quadctl.lab.comparison.reservations import reservations, thrust_reservation
-from quadctl.lab.comparison.wording import sentence
 from quadctl.lab.flights.flight import Flight
 from quadctl.logs.flight_log import FlightLog
 from quadctl.model import Model
@@ -126,13 +125,14 @@ class View:
     def reservations(self) -> tuple[str, ...]:
         """Sentences on what the results cannot tell, since numbers of the vehicle were assumed."""
         vehicle, seen = self.session.vehicle, self.opened.seen
-        return () if vehicle is None or seen is None else tuple(reservations(vehicle, seen))
+        return () if vehicle is None or seen is None else tuple(f"{each}." for each in reservations(vehicle, seen))
 
     @property
     def thrust_reservation(self) -> str:
         """The one of them on mass and thrust; empty where the thrust does not rest on an assumed number."""
         vehicle, seen = self.session.vehicle, self.opened.seen
-        return "" if vehicle is None or seen is None else thrust_reservation(vehicle, seen)
+        said = None if vehicle is None or seen is None else thrust_reservation(vehicle, seen)
+        return "" if said is None else f"{said}."
 
     @property
     def of_other_flights(self) -> tuple[str, ...]:
@@ -141,7 +141,7 @@ class View:
         if model is None:
             return ()
         found = (note for part in parts if part is not None for note in values_of_other_flights(model, part.names))
-        return tuple(f"{sentence(note)}." for note in found)
+        return tuple(f"{note}." for note in found)
 
     # --- models and results -------------------------------------------------------------------------------------------
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from quadctl.errors import QuadctlError
 from quadctl.lab.comparison.comparison import compare
-from quadctl.lab.comparison.wording import listed, where_in_words
+from quadctl.lab.comparison.wording import listed, where
 from quadctl.lab.evaluation import Evaluation, evaluate
 from quadctl.lab.fitting.fitted_model import is_fitted_to
 from quadctl.lab.flights.dataset import Dataset, HoldOut, joined
@@ -153,10 +153,10 @@ def _doubted(opened: Sequence[OpenedLog], vehicle: Vehicle, accepted: frozenset[
     first: OpenedLog | None = None
     asked = []
     for one in opened:
-        doubt = ""
+        doubt = None
         if one.log is not None and not one.problem and one.path not in accepted:
             doubt = doubt_of(one.log, vehicle)
-            if not doubt and first is not None and first.log is not None:
+            if doubt is None and first is not None and first.log is not None:
                 doubt = doubt_beside(one.log, _thrust_source(one), first.log, _thrust_source(first))
         if first is None and one.log is not None and not (one.problem or doubt):
             first = one
@@ -228,8 +228,8 @@ def report(
     progress("drawing")
     if first.error_m_s2 is not None and last.error_m_s2 is not None:
         stands = not is_fitted_to(last.model, seen.names)
-        where = where_in_words(seen, () if unseen is None else unseen.names, stands)
+        shown_where = where(seen, () if unseen is None else unseen.names, stands)
         errors = first.error_m_s2, last.error_m_s2 if len(rungs) > 1 else None
-        shown = shown._replace(errors_m_s2=errors, where=where, on_unseen=unseen is not None)
+        shown = shown._replace(errors_m_s2=errors, where=str(shown_where), on_unseen=unseen is not None)
     results = Results(comparison, diagnosis=diagnosis, addition=addition, after=after, steps=steps, shown=shown)
     return render_report(results).encode()

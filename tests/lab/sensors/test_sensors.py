@@ -440,4 +440,4 @@ def test_a_range_finder_beside_an_integrated_climb_rate_has_no_offset_that_could
     (mounting,) = diagnose_sensor([found]).absent
     assert mounting.unknown == ("offset_m", "scale")
     assert set(mounting.parameters) == {"roll_rad", "pitch_rad"}
-    assert parameters(mounting).endswith(", these flights do not tell offset_m, scale")
+    assert parameters(mounting).endswith(", these flights do not identify offset_m, scale")
