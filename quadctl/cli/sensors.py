@@ -103,7 +103,7 @@ def _flights(logs: "Sequence[FlightLog]", json_out: Path | None) -> "list[Height
     LogError
         A log has no barometer, or none has a reference: then the JSON file says what they need.
     """
-    from quadctl.lab.sensors.diagnosis import Untold
+    from quadctl.lab.sensors.diagnosis import NoAnswer
     from quadctl.lab.sensors.heights import Heights, heights
     from quadctl.lab.sensors.words import no_reference
 
@@ -112,7 +112,7 @@ def _flights(logs: "Sequence[FlightLog]", json_out: Path | None) -> "list[Height
         raise LogError(f"{lacking[0]}: holds no barometer (baro_m), expected one")
     found = [(log.name, heights(log, "barometer")) for log in logs]
     known = [each for _, each in found if isinstance(each, Heights)]
-    without = Untold("barometer", tuple((name, each) for name, each in found if not isinstance(each, Heights)))
+    without = NoAnswer("barometer", tuple((name, each) for name, each in found if not isinstance(each, Heights)))
     if not known:
         write_json(json_out, {"sensors": [without.to_dict()]})
         raise LogError("; ".join(map(str, no_reference(without))))

@@ -167,10 +167,12 @@ NAMED_FLIGHTS = 2
 
 
 def _stretches(found: Sequence[Any]) -> str:
-    """`HOVERING.csv (12 to 31 s)`; of many flights, the first."""
-    when = ["throughout" if each.whole else f"{each.begin_s:.0f} to {each.end_s:.0f} s" for each in found]
-    parts = [f"{each.flight} ({time})" for each, time in zip(found, when, strict=True)]
-    return listed(parts) if len(parts) <= NAMED_FLIGHTS else f"{len(parts)} flights, first {parts[0]}"
+    """`mostly in HOVERING.csv (12 to 31 s)`, `throughout HOVERING.csv`; of many flights, the first."""
+    parts = [
+        f"throughout {s.flight}" if s.whole else f"mostly in {s.flight} ({s.begin_s:.0f} to {s.end_s:.0f} s)"
+        for s in found
+    ]
+    return listed(parts) if len(parts) <= NAMED_FLIGHTS else f"in {len(parts)} flights, {parts[0]}"
 
 
 FORMATS: Mapping[str, Format] = {
@@ -227,7 +229,7 @@ class Said(Kinds, words=Words(FORMATS)):
             "average",
             (" (over all ranges by ", By("axis", {"up": "{average_share:.1%}"}, "{average_m_s2:.2f} m/s²"), ")"),
         ),
-        When("stretches", ", mostly in {stretches:stretches}"),
+        When("stretches", ", {stretches:stretches}"),
     )
     DEPENDENCE = (
         "The {axis} residual depends on the {variable:variable}: {ends:and} on average, {share:.0%} of the squared "

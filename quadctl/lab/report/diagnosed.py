@@ -46,7 +46,7 @@ def missing(r: Results) -> Section | None:
         )
     if len(d.steps) > 1:
         caption = "Selection steps: held-out error of the given model, then with each missing family added."
-        figures.append(figure(plots.ladder(d, floor), "ladder", caption))
+        figures.append(figure(plots.model_sequence(d, floor), "ladder", caption))
     tables = [_verdict_table(d)]
     if d.ranking:
         tables.append(_ranking_table(d))

@@ -21,7 +21,7 @@ class Shown(NamedTuple):
     condition: Vehicle | None = None
     """Vehicle of which nobody has said that it flew, or that the flights contradict."""
     floor_m_s2: float | None = None
-    """Lowest reference error of all steps of the error ladder."""
+    """Lowest reference error of all steps of the model sequence."""
     errors_m_s2: tuple[float, float | None] | None = None
     """Errors of the first and of the current step; None for the second where there is only one step."""
     where: str = ""

@@ -6,7 +6,7 @@ Each flight is judged by itself, because that is what changes from one day to th
   more than its interval in the model's file and its interval in this flight allow?
 - Does the diagnosis find an effect missing on top of the refitted model, by the rule of `diagnose`?
 
-The trim of a flight (`nuisances`) is fitted in both, so that what flights of one vehicle differ by is no change.
+The bias of a flight (`nuisances`) is fitted in both, so that what flights of one vehicle differ by is no change.
 """
 
 import math
@@ -54,7 +54,7 @@ class FlightCheck:
 
     flight: str
     error_m_s2: float
-    """Held-out acceleration error of the model as it is, trim fitted."""
+    """Held-out acceleration error of the model as it is, the bias of the flight fitted."""
     refitted_m_s2: float
     """The same with the effects refitted to this flight that it shows to have changed."""
     changes: tuple[Change, ...]

@@ -6,7 +6,7 @@ from enum import unique
 from rich.table import Table
 
 from quadctl.lab.sensors.comparison import UNITS, SensorComparison
-from quadctl.lab.sensors.diagnosis import Named, SensorDiagnosis, Untold, Verdict
+from quadctl.lab.sensors.diagnosis import Named, NoAnswer, SensorDiagnosis, Verdict
 from quadctl.lab.sensors.heights import Heights, NoReference, Reference
 from quadctl.words import Fact, Kinds, When, fact
 
@@ -77,7 +77,7 @@ def answer(found: SensorDiagnosis) -> Iterator[Fact]:
     yield from (fact(Said.NOT_TRIED, name=name, span=SPANS[span]) for name, span in found.not_tried.items())
 
 
-def no_reference(found: Untold) -> Iterator[Fact]:
+def no_reference(found: NoAnswer) -> Iterator[Fact]:
     """Needs of the logs that have no reference."""
     for name, reason in found.reasons:
         yield fact(Said.NO_REFERENCE, log=name, sensor=found.sensor, reason=MISSING_REFERENCE[reason])
@@ -87,7 +87,7 @@ def parameters(one: Named) -> str:
     """Parameters with their intervals, and what of them is not distinguished from zero."""
     values = one.error.values()
     each = [
-        fact(Said.VALUE, name=name, value=told.value, low=told.low, high=told.high, zero=not told.is_told)
+        fact(Said.VALUE, name=name, value=told.value, low=told.low, high=told.high, zero=not told.is_identified)
         for name, told in one.parameters.items()
     ]
     scales = [

@@ -19,8 +19,8 @@ from quadctl.web.panels import compensator, fails, flights, missing, over_time
 from quadctl.web.panels.choices import FILE, Choices, choices_of
 from quadctl.web.panels.frame import Doubts, FittedTo, Header, Start, Status
 from quadctl.web.panels.help import help_dialog
-from quadctl.web.panels.ladder import Ladder
 from quadctl.web.panels.panel import Panel, Tab
+from quadctl.web.panels.sequence import ModelSequence
 from quadctl.web.panels.stack import Stack, at_limits
 from quadctl.web.panels.verdict import Verdict
 from quadctl.web.panels.view import View
@@ -111,7 +111,7 @@ class Page:
         self._frame_parts.append(Part(tag("header", "head-bar"), Header))
         with tag("div", "lab"):
             with tag("aside", "side"):
-                self._frame_parts.append(Part(tag("div", "place-ladder"), Ladder))
+                self._frame_parts.append(Part(tag("div", "place-sequence"), ModelSequence))
                 self._frame_parts.append(Part(tag("div", "place-stack"), Stack))
             with tag("div", "main"):  # Quasar's page around it is the main region
                 self._frame_parts.append(Part(tag("div", "place-status").props('aria-live="polite"'), Status))
@@ -357,7 +357,7 @@ class Page:
         with suppress(CancelledError):
             session, results = self.bench.session, self.bench.results
             verdict = Verdict.of(self.view())
-            facts = [] if session.model is None else compensator.doubts(session.model, session.look_alikes)
+            facts = [] if session.model is None else compensator.doubts(session.model, session.confounded)
             if results.evaluation is not None:
                 agreement = results.evaluation.agreement
                 facts += [] if agreement is None else [agreement.answer]

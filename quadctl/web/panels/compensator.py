@@ -68,7 +68,7 @@ class Check(Panel):
 
     model: Model | None
     seen: Dataset | None
-    look_alikes: dict[str, tuple[str, ...]]
+    confounded: dict[str, tuple[str, ...]]
     checked: tuple[str, ...] | None
     refused: str
 
@@ -95,20 +95,20 @@ class Check(Panel):
                 tag("p", "grow", text)
         if self.refused or self.checked is None:
             return
-        for doubt in doubts(self.model, self.look_alikes):
+        for doubt in doubts(self.model, self.confounded):
             with tag("div", "line check"):
                 ui.icon("help").classes("warn")
                 tag("p", "grow", str(doubt))
 
 
-def doubts(model: Model, look_alikes: Mapping[str, Sequence[str]]) -> list[Fact]:
+def doubts(model: Model, confounded: Mapping[str, Sequence[str]]) -> list[Fact]:
     """The effects of a model that the flights do not tell from those of other families: what corrects for the wrong one
     fits only flights like these."""
     families = dict.fromkeys(effect.family() for effect in model.effects)
     return [
         fact(Said.WHICH_OF_THEM, family=family, families=(family, *others))
         for family in families
-        if (others := [other for other in look_alikes.get(family, ()) if other not in families])
+        if (others := [other for other in confounded.get(family, ()) if other not in families])
     ]
 
 

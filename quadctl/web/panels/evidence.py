@@ -11,7 +11,6 @@ from quadctl.lab.flights.flight import VARIABLE_NAMES
 from quadctl.lab.flights.prediction import GROUPS, MOMENTS, SENSED
 from quadctl.lab.planning.suggestion import Suggestion
 from quadctl.lab.selection.candidate import LEAST_ERROR, Candidate
-from quadctl.lab.selection.diagnosis import Diagnosis
 from quadctl.lab.selection.evidence import Evidence as Found
 from quadctl.lab.selection.wording import error_in_table, p_in_table, reason_against, unit_of
 from quadctl.lab.words import in_words
@@ -118,7 +117,7 @@ def _draw_losers(search: Diagnosed | None, name: str) -> None:
     if search is None or shown is None:
         tag("p", "muted", "No search on these flights has tried it beside others. Remove it to search without it.")
         return
-    winners = chosen_of(search.diagnosis)
+    winners = search.diagnosis.chosen
     chosen = {name, *(candidate.effect.name for candidate in winners)}
     losers = [candidate for candidate in ranking if candidate.effect.name not in chosen]
     if not losers:
@@ -162,12 +161,6 @@ def _beside(candidate: Candidate) -> Fact:
 def rival_of(candidate: Candidate, winners: Sequence[Candidate]) -> Candidate | None:
     """The winner that a candidate lost against: another form of its own effect, else the first; None without any."""
     return next((c for c in winners if c.family == candidate.family), winners[0] if winners else None)
-
-
-def chosen_of(diagnosis: Diagnosis) -> list[Candidate]:
-    """Candidates for the missing effects, in the order of adding."""
-    missing = {step.effect for step in diagnosis.steps[1:]}
-    return [candidate for candidate in diagnosis.ranking if candidate.effect.name in missing]
 
 
 def draw_suggestion(suggestion: Suggestion) -> None:

@@ -17,7 +17,7 @@ from quadctl.model import Model
 from quadctl.web.elements.html import heading, tag
 from quadctl.web.elements.theme import Theme
 from quadctl.web.figures.sketch import sketch_svg
-from quadctl.web.panels.evidence import Evidence, chosen_of, draw_suggestion, rival_of
+from quadctl.web.panels.evidence import Evidence, draw_suggestion, rival_of
 from quadctl.web.panels.overview import Overview
 from quadctl.web.panels.panel import Controls, Panel, Tab, work_button
 from quadctl.web.panels.verdict import Verdict, draw_expression
@@ -50,7 +50,7 @@ class Candidates(Panel):
 
     def _draw_found(self, do: Controls, found: Diagnosed) -> None:
         diagnosis = found.diagnosis
-        chosen = chosen_of(diagnosis)
+        chosen = diagnosis.chosen
         missing = {candidate.effect.name for candidate in chosen}
         alike = {other: first for first, other in diagnosis.confounded}
         rest = [c for c in diagnosis.ranking if c.effect.name not in missing]
@@ -93,7 +93,7 @@ class Candidates(Panel):
 
     def _draw_expected(self, do: Controls, before: Diagnosed) -> None:
         held = {effect.family() for effect in self.model.effects} if self.model is not None else set()
-        left = [candidate for candidate in chosen_of(before.diagnosis) if candidate.family not in held]
+        left = [candidate for candidate in before.diagnosis.chosen if candidate.family not in held]
         if left:
             heading("Found by the last search, and not added yet")
             with tag("div", "candidates"):
@@ -143,7 +143,7 @@ class Candidates(Panel):
             with tag("div", "line wrap actions"):
                 props = f'aria-label="Add {name}" {"unelevated" if primary else "outline"}'
                 work_button(do, "Add", lambda: do.bench.add(name), props, "add", not held)
-                if candidate in chosen_of(found.diagnosis):
+                if candidate in found.diagnosis.chosen:
                     show = ui.button("Evidence", icon="fact_check", on_click=lambda: do.show_evidence(name))
                     show.props(f'flat no-caps aria-label="Evidence for {name}"')
 

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 from quadctl.lab.sensors.answers import SensorAnswers
 from quadctl.lab.sensors.comparison import flown
-from quadctl.lab.sensors.diagnosis import Untold
+from quadctl.lab.sensors.diagnosis import NoAnswer
 from quadctl.lab.sensors.words import answer, no_reference
 from quadctl.web.elements.html import heading, plot, tag
 from quadctl.web.elements.theme import Theme
@@ -24,7 +24,7 @@ class HeightSensors(Panel):
         for found in () if self.sensors is None else self.sensors.answers:
             with tag("section", "card").props(f'data-sensor="{found.sensor}"'):
                 heading(f"The {found.sensor}", "Its reading beside a reference that does not lean on it.")
-                if isinstance(found, Untold):
+                if isinstance(found, NoAnswer):
                     for fact in no_reference(found):
                         tag("p", "verdict", f"{fact}.")
                     continue

@@ -1,4 +1,4 @@
-"""The effect stack: the effects of the model, their parameters with intervals, and the trim of each flight."""
+"""The effect stack: the effects of the model, their parameters with intervals, and the bias of each flight."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -20,7 +20,7 @@ from quadctl.web.panels.glossary import explained
 from quadctl.web.panels.panel import Controls, Panel, work_button
 from quadctl.web.panels.words import Said
 from quadctl.web.session.findings import Diagnosed
-from quadctl.web.session.session import Rung
+from quadctl.web.session.session import Step
 from quadctl.words import Fact, fact
 
 AT_LIMIT = 0.98
@@ -60,9 +60,9 @@ _KINDS_BY_FLIGHT = {
 class Stack(Panel):
     """The effects of the model, each with a switch and a button that removes it."""
 
-    rung: Rung | None
+    step: Step | None
     off: frozenset[str]
-    look_alikes: dict[str, tuple[str, ...]]
+    confounded: dict[str, tuple[str, ...]]
     seen: Dataset | None
     evaluation: Evaluation | None
     found: Diagnosed | None
@@ -71,9 +71,9 @@ class Stack(Panel):
     can_redo: bool
 
     def draw(self, do: Controls) -> None:
-        if self.rung is None:
+        if self.step is None:
             return
-        model = self.rung.model
+        model = self.step.model
         with tag("section", "card stack").props('aria-label="Effect stack"'):
             with tag("div", "line"):
                 tag("h2", "title grow", "Effects in the model")
@@ -85,7 +85,7 @@ class Stack(Panel):
             if not model.stack:
                 tag("p", "muted", f"None yet: the rigid body of {model.vehicle.name}, weight and rotor thrust alone.")
             for item in model.stack:
-                alike = self.look_alikes.get(item.effect.family(), ())
+                alike = self.confounded.get(item.effect.family(), ())
                 _draw_effect(do, item, alike, on=item.effect.name not in self.off)
                 if self.thrust_reservation and is_of_the_thrust(item.effect):
                     tag("p", "note", self.thrust_reservation)
@@ -176,7 +176,7 @@ def at_limits(evaluation: Evaluation, found: Diagnosed | None) -> list[Fact]:
 
 
 def _at_limit(evaluation: Evaluation) -> dict[str, list[str]]:
-    """Names of the flights with a trim or calibration at its limit, by the name of its kind."""
+    """Names of the flights with a bias or calibration at its limit, by the name of its kind."""
     names = evaluation.comparison.dataset.names
     limited = _limited(evaluation)
     found = {
@@ -199,11 +199,11 @@ def _draw_nuisances(evaluation: Evaluation, seen: Dataset, found: Diagnosed | No
     at_limit, limited = _at_limit(evaluation), _limited(evaluation)
     if at_limit:
         tag("p", "note", " ".join(map(str, at_limits(evaluation, found))))
-    with ui.expansion("Trim and calibration").classes("nuisances").props("dense"):
+    with ui.expansion("Per-flight bias and calibration").classes("nuisances").props("dense"):
         with tag("p", "muted"):
             explained(
-                "Trim and calibration are small offsets that differ between flights. They are fitted together with the "
-                "effects, and are not saved with the model."
+                "Per-flight bias and calibration are small offsets that differ between flights. They are fitted "
+                "together with the effects, and are not saved with the model."
             )
         with tag("div", "scroll").props('tabindex="0"'), tag("table", "small"):
             with tag("tr"):

@@ -2,34 +2,32 @@
 residual."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
-from typing import NamedTuple
 
 from nicegui import ui
 
-from quadctl.lab.comparison.agreement import flights_of_the_fit
-from quadctl.lab.comparison.remainder import Remainder
-from quadctl.lab.comparison.wording import ERRORS, listed, percent, plain
+from quadctl.lab.comparison.wording import listed, percent, plain
 from quadctl.lab.evaluation import Evaluation
-from quadctl.lab.finding import Finding, Kind
+from quadctl.lab.finding import Kind
 from quadctl.lab.flights.dataset import Dataset, HoldOut
 from quadctl.lab.selection.diagnosis import Diagnosis
 from quadctl.lab.selection.unseen import UnseenError
+from quadctl.lab.verdict import Statement, statement
 from quadctl.lab.words import Answer, in_words
 from quadctl.model import Model
 from quadctl.vehicle import Vehicle
 from quadctl.web.elements.html import busy, tag
-from quadctl.web.panels.evidence import chosen_of
 from quadctl.web.panels.glossary import explained
 from quadctl.web.panels.panel import Controls, Panel, work_button
 from quadctl.web.session.findings import Diagnosed
-from quadctl.web.session.session import Rung
+from quadctl.web.session.session import Step
 from quadctl.web.work.state import LOOKING
 from quadctl.words import Fact, fact
 
 OPEN = "info"
 """Icon of a verdict that names nothing, and has no tick either."""
+ICONS = {"missing": "lightbulb", "unexplained": "help"}
 OF_BLOCKS = (
     "Judged on blocks of time of these flights: this is what all of them tell of the vehicle. The other choice, whole "
     "flights (on Flights), also counts what differs from flight to flight, and so tells what to expect of a further "
@@ -54,7 +52,7 @@ class Verdict(Panel):
     model: Model | None
     cautions: tuple[str, ...]
     reservations: tuple[str, ...]
-    rung: Rung | None
+    step: Step | None
 
     def draw(self, do: Controls) -> None:
         if self.seen is None:
@@ -64,10 +62,10 @@ class Verdict(Panel):
                 with tag("div", "line"):
                     busy()
                     tag("span", "verdict grow", f"{LOOKING}\u2026")
-            elif self.found is None:
+            elif self.found is None or self.statement is None:
                 self._draw_invitation(do)
             else:
-                _draw_verdict(do, self.found.diagnosis, self._said(self.found.diagnosis))
+                _draw_verdict(do, self.found.diagnosis, self.statement, self.condition)
                 if self.hold_out == "blocks" and not self.unseen and len(self.seen.flights) > 1:
                     tag("p", "muted", " ".join([OF_BLOCKS, *map(str, on_whole_flights(self.found.diagnosis.unseen))]))
                 for said in (*self.reservations, *self.cautions):
@@ -82,10 +80,10 @@ class Verdict(Panel):
     def sentences(self) -> tuple[str, ...]:
         """The verdict in words with what is to be said of the data, the main sentence first; empty before the end of
         the search."""
-        if self.found is None or self.searching:
+        if self.statement is None:
             return ()
-        said = self._said(self.found.diagnosis)
-        return said.sentence, *map(in_words, said.more), *self.reservations, *self.cautions
+        verdict, more = self.statement
+        return in_words(verdict, self.condition), *map(in_words, more), *self.reservations, *self.cautions
 
     def _draw_invitation(self, do: Controls) -> None:
         with tag("div", "line"):
@@ -95,81 +93,23 @@ class Verdict(Panel):
                 look = ui.button("Look for what is missing", on_click=lambda: do.act(do.bench.look()))
                 look.props("no-caps unelevated")
 
-    def _said(self, diagnosis: Diagnosis) -> "_Said":
-        verdict = diagnosis.answer[0]
-        if diagnosis.verdict == "missing":
-            return _Said("lightbulb", verdict, self._missing(diagnosis), self.condition)
-        left = self._remainder()
-        stands = self.evaluation is not None and self.evaluation.kind == "as it stands"
-        unseen = None if self.evaluation is None else self.evaluation.unseen
-        more: list[Finding | Fact] = []
-        if stands:
-            more = [fact(Answer.AS_AT_STEP)]
-        elif left is not None:
-            more = [left.said(() if unseen is None else unseen.dataset.names)]
-        small = left is not None and left.is_near_the_floor
-        if diagnosis.verdict == "unexplained":
-            little = Finding(Kind.LITTLE_UNEXPLAINED) if small else verdict
-            return _Said("help", little, [*more, fact(Answer.NO_FORM)], self.condition)
-        if diagnosis.verdict == "small":
-            of_small = [found for found in diagnosis.answer if found.kind is Kind.SMALL]
-            return _Said(OPEN, verdict, [*of_small, *more], self.condition)
-        found = self._none(diagnosis, stands, small)
-        icon = "check_circle" if found.kind is Kind.NOTHING_SIGNIFICANT else OPEN
-        return _Said(icon, found, [fact(Answer.NONE_HELPS), *more], self.condition)
-
-    def _none(self, diagnosis: Diagnosis, stands: bool, small: bool) -> Finding:
-        """Finding that nothing is missing, with what limits it: the flights of the fit, or the error that remains."""
-        used, new = ([], []) if self.rung is None else flights_of_the_fit(self.rung.model, diagnosis.dataset.names)
-        known = sorted({log.name for log in self.unseen} & set(used))
-        if known:
-            return Finding(Kind.NONE_BUT_FITTED_TO_HELD_OUT, {"flights": known})
-        if used and (stands or new):
-            return Finding(Kind.NONE_BUT_FITTED_TO_OTHERS, {"flights": used})
-        if stands:
-            return Finding(Kind.NONE_BUT_NOT_FITTED)
-        if small:
-            return Finding(Kind.NOTHING_SIGNIFICANT)
-        if self._remainder() is not None and self.evaluation is not None and self.evaluation.unseen is not None:
-            return Finding(Kind.NONE_BUT_LARGER_HELD_OUT, {"flights": list(diagnosis.dataset.names)})
-        return Finding(Kind.NONE_BUT_MORE_THAN_NOISE)
-
-    def _missing(self, diagnosis: Diagnosis) -> "list[Finding | Fact]":
-        """What is said below the verdict on what is missing."""
-        more: list[Finding | Fact] = [found for found in diagnosis.answer if found.kind is Kind.ERROR]
-        if self.unseen:
-            more = [fact(Answer.FOR_FITTING, finding=in_words(found)) for found in more]
-        for c in chosen_of(diagnosis):
-            if c.measure != "total":
-                other = {"family": c.family, "drop": c.held_out_drop, "error": ERRORS[c.measure]}
-                more.append(fact(Answer.OTHER_ERROR, **other))
-        return [*more, *(found for found in diagnosis.answer if found.kind is Kind.PART_UNEXPLAINED)]
-
-    def _remainder(self) -> Remainder | None:
-        """The remaining error, beside the reference error that the ladder shows."""
-        if self.evaluation is None or self.floor_m_s2 is None:
-            return None
-        return replace(self.evaluation.remainder, floor_m_s2=self.floor_m_s2)
-
-
-class _Said(NamedTuple):
-    """A verdict, what is said below it, and the vehicle that must be the one that flew for it to hold."""
-
-    icon: str
-    verdict: Finding
-    more: list[Finding | Fact]
-    condition: Vehicle | None
-
     @property
-    def sentence(self) -> str:
-        return in_words(self.verdict, self.condition)
+    def statement(self) -> Statement | None:
+        """The verdict, with what is said below it; None before the end of the search."""
+        if self.found is None or self.searching:
+            return None
+        unseen, model = {log.name for log in self.unseen}, None if self.step is None else self.step.model
+        return statement(self.found.diagnosis, model, unseen, self.evaluation, self.floor_m_s2)
 
 
-def _draw_verdict(do: Controls, diagnosis: Diagnosis, said: "_Said") -> None:
+def _draw_verdict(do: Controls, diagnosis: Diagnosis, said: Statement, condition: Vehicle | None) -> None:
     with tag("div", "line top verdict-line"):
-        ui.icon(said.icon).classes(f"verdict-icon {'open' if said.icon == OPEN else diagnosis.verdict}")
+        sure = said.verdict.kind is Kind.NOTHING_SIGNIFICANT
+        icon = "check_circle" if sure else ICONS.get(diagnosis.verdict, OPEN)
+        ui.icon(icon).classes(f"verdict-icon {'open' if icon == OPEN else diagnosis.verdict}")
         with tag("div", "grow"):
-            tag("p", "verdict", said.sentence).props(f'id="verdict" data-verdict="{diagnosis.verdict}"')
+            verdict = tag("p", "verdict", in_words(said.verdict, condition))
+            verdict.props(f'id="verdict" data-verdict="{diagnosis.verdict}"')
             for each in said.more:
                 with tag("p", "muted"):
                     explained(in_words(each))

@@ -32,9 +32,9 @@ def test_limits_are_named_where_they_are_none_of_the_data(at_edge: tuple[bool, b
 
 def test_of_several_flights_those_with_most_of_it_are_named() -> None:
     said = str(replace(LOW, stretches=(IN_HIGH, IN_LOW)).said)
-    assert said.endswith(", mostly in high.csv (throughout) and low-1.csv (4 to 21 s)")
+    assert said.endswith(", throughout high.csv and mostly in low-1.csv (4 to 21 s)")
     said = str(replace(LOW, stretches=(IN_LOW, IN_HIGH, IN_HIGH)).said)
-    assert said.endswith(", mostly in 3 flights, first low-1.csv (4 to 21 s)")
+    assert said.endswith(", in 3 flights, mostly in low-1.csv (4 to 21 s)")
     offset = replace(LOW, kind="offset", flights=2, mean_residual=-0.196, stretches=(IN_HIGH,))
     said = "On average over all flights the vehicle gets less thrust than the model says, by 2.0% of its weight"
     assert str(offset.said) == f"{said}, most of it in high.csv"

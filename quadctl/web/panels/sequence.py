@@ -1,4 +1,4 @@
-"""The error ladder: the acceleration error of the current model, and of each step before it."""
+"""The model sequence: the acceleration error of the current model, and of each step before it."""
 
 import re
 from dataclasses import dataclass
@@ -25,13 +25,13 @@ from quadctl.web.panels.glossary import explained
 from quadctl.web.panels.panel import Controls, Panel
 from quadctl.web.panels.vehicle import WhichVehicle
 from quadctl.web.panels.words import Said
-from quadctl.web.session.session import Rung, Session
+from quadctl.web.session.session import Session, Step
 from quadctl.words import Fact, fact
 
 
 @dataclass(frozen=True)
-class Ladder(Panel):
-    """The held-out error of the current model in large, and a bar for each step of the ladder."""
+class ModelSequence(Panel):
+    """The held-out error of the current model in large, and a bar for each step of the model sequence."""
 
     session: Session
     seen: Dataset | None
@@ -42,12 +42,12 @@ class Ladder(Panel):
 
     def draw(self, do: Controls) -> None:
         session, evaluation = self.session, self.evaluation
-        with tag("section", "card ladder").props('aria-label="Error ladder"'):
+        with tag("section", "card sequence").props('aria-label="Model sequence"'):
             if self.starting:
                 tag("p", "muted", "The acceleration error of your model, on held-out data, appears here.")
                 return
             now = self._error_now()
-            judged = [(rung.name, rung.error_m_s2) for rung in session.rungs if rung.error_m_s2 is not None]
+            judged = [(step.name, step.error_m_s2) for step in session.sequence if step.error_m_s2 is not None]
             errors = [error for _, error in judged]
             with tag("div", "now"):
                 if now is None:
@@ -72,9 +72,9 @@ class Ladder(Panel):
             least = self.floor_m_s2
             bars = _Bars(largest, None if least is None else min(least / largest, 1.0), self.idle)
             with tag("ol", "steps"):
-                for step, rung in enumerate(session.rungs):
-                    here = step == session.current and not session.off
-                    bars.draw(do, step, rung.name, rung.error_m_s2, here, self._stands(rung))
+                for i, step in enumerate(session.sequence):
+                    here = i == session.current and not session.off
+                    bars.draw(do, i, step.name, step.error_m_s2, here, self._stands(step))
                 if session.off:
                     bars.draw(do, session.current, f"without {listed(sorted(session.off))}", now, True)
             if least is not None:
@@ -83,22 +83,22 @@ class Ladder(Panel):
                     with tag("span"):
                         explained(f"reference error {roughly(least)}: {FLOOR}")
 
-    def _stands(self, rung: Rung) -> bool:
+    def _stands(self, step: Step) -> bool:
         """Tell whether the error of a step is that of a model that was not fitted to these flights."""
-        return self.seen is not None and not is_fitted_to(rung.model, self.seen.names)
+        return self.seen is not None and not is_fitted_to(step.model, self.seen.names)
 
     def _error_now(self) -> float | None:
         """Error of the current model, m/s²; the saved one while the evaluation runs, None where there is none."""
         if self.evaluation is not None:
             return self.evaluation.error_m_s2
-        return None if self.session.rung is None or self.session.off else self.session.rung.error_m_s2
+        return None if self.session.step is None or self.session.off else self.session.step.error_m_s2
 
     def _kind_of_error(self, evaluation: Evaluation, seen: Dataset) -> Fact:
         """The error, and the data that it is computed on."""
         error = {"error_m_s2": evaluation.error_m_s2}
         if evaluation.unseen is not None:
             names = evaluation.unseen.dataset.names
-            used = [] if self.session.rung is None else flights_of_the_fit(self.session.rung.model, names)[0]
+            used = [] if self.session.step is None else flights_of_the_fit(self.session.step.model, names)[0]
             known = [name for name in names if name in used]
             if known:
                 return fact(Said.ERROR_KNOWN, **error, flights=names, fitted=known)
@@ -112,7 +112,7 @@ class Ladder(Panel):
 
 @dataclass(frozen=True)
 class _Bars:
-    """The bars of the ladder, to one scale."""
+    """The bars of the model sequence, to one scale."""
 
     largest: float
     """Error of a bar of full length, m/s²."""
