@@ -18,6 +18,7 @@ from quadctl.model import Model, StackedEffect, conditions
 from quadctl.settings import Settings
 from quadctl.state import Motion, Vec3, VehicleState
 from quadctl.surfaces import Place
+from quadctl.words import Fact, Kinds, fact
 
 
 class CompensatorLimits(Settings):
@@ -158,7 +159,14 @@ def _trusted_heights(item: StackedEffect) -> tuple[float, float]:
     return item.fitted.height_m
 
 
-def check_compensator(model: Model, lowest_m: float, highest_m: float, source: str) -> list[str]:
+class Unphysical(Kinds):
+    """Warnings about a compensator that may fly, each with its template."""
+
+    RISES = "{source}: the thrust ratio rises with height somewhere, no ground effect does"
+    LOWER_NEAR_GROUND = "{source}: the thrust ratio is lower near the ground than far from it, no ground effect is"
+
+
+def check_compensator(model: Model, lowest_m: float, highest_m: float, source: str) -> list[Fact]:
     """Refuse a compensator that must not fly; return warnings about one that may but looks unphysical.
 
     The thrust ratio is evaluated in level hover from `lowest_m` to `highest_m` (height of the rotor plane). That it
@@ -190,9 +198,9 @@ def check_compensator(model: Model, lowest_m: float, highest_m: float, source: s
     ratios = [_hover_ratio(open_sky, z) for z in heights]
     warnings = []
     if any(b > a + 1e-6 for a, b in itertools.pairwise(ratios)):
-        warnings.append(f"{source}: the thrust ratio rises with height somewhere, no ground effect does")
+        warnings.append(fact(Unphysical.RISES, source=source))
     if ratios[0] < 0.999 * ratios[-1]:
-        warnings.append(f"{source}: the thrust ratio is lower near the ground than far from it, no ground effect is")
+        warnings.append(fact(Unphysical.LOWER_NEAR_GROUND, source=source))
     return warnings
 
 

@@ -11,7 +11,8 @@ from quadctl.effects.sensor_error import SensorError
 from quadctl.effects.sensors import SENSOR_ERRORS
 from quadctl.errors import SettingsError
 from quadctl.files import write_text
-from quadctl.settings import Settings, nearest, read_yaml, validate
+from quadctl.settings import Settings, read_yaml, validate
+from quadctl.words import nearest
 
 
 @dataclass(frozen=True)

@@ -1,6 +1,5 @@
 """YAML files to validated settings; every error names the file, the field, the value and what was expected."""
 
-import difflib
 import math
 import re
 import reprlib
@@ -15,6 +14,7 @@ from pydantic import BaseModel, ConfigDict, ValidationError, ValidationInfo, fie
 from pydantic_core import PydanticKnownError
 
 from quadctl.errors import SettingsError
+from quadctl.words import nearest
 
 
 class Settings(BaseModel):
@@ -143,12 +143,6 @@ def _is_numeric(annotation: Any) -> bool:
     if isinstance(annotation, type) and not typing.get_args(annotation):
         return annotation in (int, float)
     return any(_is_numeric(argument) for argument in typing.get_args(annotation))
-
-
-def nearest(word: str, known: typing.Iterable[str]) -> str:
-    """ " (did you mean 'x'?)", or nothing when no known word is near."""
-    matches = difflib.get_close_matches(word, list(known), n=1, cutoff=0.5)
-    return f" (did you mean '{matches[0]}'?)" if matches else ""
 
 
 def _yaml_problem(error: Exception) -> str:

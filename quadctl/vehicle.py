@@ -130,13 +130,9 @@ class Vehicle(Settings):
     @model_validator(mode="after")
     def _can_fly(self) -> Self:
         """Check values that are possible one by one, but not together: usually a wrong unit or a copied line."""
-        problem = (
-            _geometry_problem(self.rotors, self.rotor.radius_m)
-            or _thrust_problem(self)
-            or _inertia_problem(self.inertia_kg_m2)
-        )
-        if problem:
-            raise ValueError(problem)
+        _require_geometry(self.rotors, self.rotor.radius_m)
+        _require_thrust(self)
+        _require_inertia(self.inertia_kg_m2)
         return self
 
     @property
@@ -244,14 +240,14 @@ LEAST_STACK = 0.1
 """Distance between the planes of coaxial rotors, over the radius, below which they would touch."""
 
 
-def _geometry_problem(rotors: tuple[RotorPlace, ...], radius_m: float) -> str | None:
+def _require_geometry(rotors: tuple[RotorPlace, ...], radius_m: float) -> None:
     for i, rotor in enumerate(rotors):
         for j, other in enumerate(rotors[:i]):
             if math.dist(rotor.position_m, other.position_m) < 1e-3:
-                return f"rotors[{i + 1}] is at the place of rotors[{j + 1}], expected places of their own"
+                raise ValueError(f"rotors[{i + 1}] is at the place of rotors[{j + 1}], expected places of their own")
             apart_m = math.dist(rotor.position_m[:2], other.position_m[:2])
             if apart_m < radius_m and abs(rotor.position_m[2] - other.position_m[2]) < LEAST_STACK * radius_m:
-                return (
+                raise ValueError(
                     f"rotors[{i + 1}] turns inside rotors[{j + 1}], {apart_m:.3g} m from it with a radius_m of "
                     f"{radius_m:g}, expected a place outside, or coaxial rotors at different heights"
                 )
@@ -259,32 +255,32 @@ def _geometry_problem(rotors: tuple[RotorPlace, ...], radius_m: float) -> str | 
     arms = [(r.position_m[0] - x0, r.position_m[1] - y0) for r in rotors[1:]]
     along = max(arms, key=lambda arm: math.hypot(*arm))
     if all(abs(along[0] * y - along[1] * x) < 1e-3 * math.hypot(*along) for x, y in arms):
-        return "rotors are all on one line, about which nothing holds the vehicle, expected them around its centre"
+        raise ValueError(
+            "rotors are all on one line, about which nothing holds the vehicle, expected them around its centre"
+        )
     if len(rotors) > 3 and len({r.spin for r in rotors}) == 1 and not any(r.cant_deg for r in rotors):
-        return f"rotors all turn {rotors[0].spin}, which turns the vehicle, expected some cw and some ccw"
-    return None
+        raise ValueError(f"rotors all turn {rotors[0].spin}, which turns the vehicle, expected some cw and some ccw")
 
 
-def _thrust_problem(vehicle: Vehicle) -> str | None:
+def _require_thrust(vehicle: Vehicle) -> None:
     if vehicle.max_thrust_n <= vehicle.weight_n:
-        return (
+        raise ValueError(
             f"throttle.max_thrust_per_rotor_n is {vehicle.throttle.max_thrust_per_rotor_n:g}, expected more than "
             f"{vehicle.weight_n / vehicle.n_rotors:.3g} N, a rotor's share of the weight"
         )
     hover = vehicle.hover_throttle
     if not 0.0 < hover < 1.0:
-        return f"throttle is {hover:.3g} in hover (offset + per_newton * weight), expected between 0 and 1"
+        raise ValueError(f"throttle is {hover:.3g} in hover (offset + per_newton * weight), expected between 0 and 1")
     rotor = vehicle.rotor
     tip_m_s_per_rpm = math.pi / 30.0 * rotor.radius_m
     per_coefficient = vehicle.air_density_kg_m3 * math.pi * rotor.radius_m**2 * tip_m_s_per_rpm**2
     coefficient = rotor.thrust_n_per_rpm2 / per_coefficient
     if not MIN_THRUST_COEFFICIENT < coefficient < MAX_THRUST_COEFFICIENT:
-        return (
+        raise ValueError(
             f"rotor.thrust_n_per_rpm2 is {rotor.thrust_n_per_rpm2:g}, expected "
             f"{MIN_THRUST_COEFFICIENT * per_coefficient:.2g} to {MAX_THRUST_COEFFICIENT * per_coefficient:.2g} "
             f"with radius_m = {rotor.radius_m:g} and air_density_kg_m3 = {vehicle.air_density_kg_m3:g}"
         )
-    return None
 
 
 INERTIA_TOLERANCE = 1.3
@@ -292,13 +288,12 @@ INERTIA_TOLERANCE = 1.3
 estimates are off by a fifth."""
 
 
-def _inertia_problem(inertia_kg_m2: Triple | None) -> str | None:
+def _require_inertia(inertia_kg_m2: Triple | None) -> None:
     if inertia_kg_m2 is None:
-        return None
+        return
     *rest, largest = sorted(inertia_kg_m2)
     if largest > sum(rest) * INERTIA_TOLERANCE:
-        return f"inertia_kg_m2 holds {largest:g}, expected at most the sum of the other two, as in any body"
-    return None
+        raise ValueError(f"inertia_kg_m2 holds {largest:g}, expected at most the sum of the other two, as in any body")
 
 
 def load_vehicle(path: Path | str) -> Vehicle:

@@ -4,6 +4,7 @@ A table maps each kind of fact to a template such as `"the tilt is {tilt_deg:.0f
 room, and nothing but the table makes sentences of the facts.
 """
 
+import difflib
 import math
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
@@ -64,12 +65,19 @@ class Words(Formatter):
         return found[value] if isinstance(found, Mapping) else found(value)
 
 
+_WORDS: dict[type[Enum], Words] = {}
+"""Words by the kinds that have formats of their own."""
+
+
 class Kinds(Enum):
-    """Base of the kinds of facts of one room, each with the template of its words."""
+    """Base of the kinds of facts of one room, each with the template of its words; `words` has formats of the room."""
+
+    def __init_subclass__(cls, words: Words | None = None) -> None:
+        _WORDS[cls] = words or Words()
 
     def said(self, facts: Facts) -> str:
-        """Words of a fact of this kind; a room with formats of its own overrides it."""
-        return _WORDS.say(self.value, facts)
+        """Words of a fact of this kind."""
+        return _WORDS[type(self)].say(self.value, facts)
 
 
 class Fact(NamedTuple):
@@ -117,4 +125,7 @@ def count(n: int, what: str) -> str:
     return f"{n} {what}{'s' if n != 1 else ''}"
 
 
-_WORDS = Words()
+def nearest(word: str, known: Iterable[str]) -> str:
+    """ " (did you mean 'x'?)", or nothing when no known word is near."""
+    matches = difflib.get_close_matches(word, list(known), n=1, cutoff=0.5)
+    return f" (did you mean '{matches[0]}'?)" if matches else ""

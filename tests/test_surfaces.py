@@ -230,8 +230,8 @@ class TestSuggestion:
     def test_the_surface_with_the_widest_interval_is_the_next_to_fly(self) -> None:
         model = Model(VEHICLE).plus(TestEffect.TWO, Provenance(ci95={"k_mat": (0.3, 0.5), "k_turf": (-0.5, -0.1)}))
         assert least_known_surface(model) == "turf"
-        said = Suggestion([], [], None, None, [], [], unexplained=False, surface="turf").lines()
-        assert said[0].endswith("over it: quadctl fly missions/surface_heights.yaml --set surface=turf")
+        said = Suggestion([], [], None, None, [], [], unexplained=False, surface="turf").answer
+        assert str(said[0]).endswith("over it: quadctl fly missions/surface_heights.yaml --set surface=turf")
 
     def test_without_surfaces_there_is_none(self) -> None:
         assert least_known_surface(Model(VEHICLE)) is None

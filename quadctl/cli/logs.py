@@ -92,7 +92,7 @@ def _mapped(paths: list[Path], by_map: Path) -> Iterator["FlightLog"]:
         log = read_by_map(path, by_map)
         found = complaints(log)
         if better := better_reading(path, by_map, log):
-            found.append(better)
+            found.append(f"the channels agree with `{better}` in the map")
         for sentence in found:
             say(f"{path.name}: {sentence}")
         yield log

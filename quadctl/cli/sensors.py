@@ -89,8 +89,7 @@ def diagnose_sensors(logs: Sequence[Path], json_out: Path | None, plot: Path | N
         found = diagnose_sensor(flights)
         finder = diagnose_sensor(beside) if beside else None
     both = [found] if finder is None else [found, finder]
-    for sentence in (sentence for one in both for sentence in answer(one)):
-        say(sentence)
+    say(*(fact for one in both for fact in answer(one)))
     if output is not None:
         model = found.model()
         save_sensors(model if finder is None else model.beside(finder.model()), output)
@@ -108,21 +107,21 @@ def _flights(logs: "Sequence[FlightLog]", json_out: Path | None) -> "list[Height
     LogError
         A log has no barometer, or none has a reference: then the JSON file says what they need.
     """
-    from quadctl.lab.sensors.diagnosis import Untold
+    from quadctl.lab.sensors.diagnosis import NoAnswer
     from quadctl.lab.sensors.heights import Heights, heights
-    from quadctl.lab.sensors.words import untold
+    from quadctl.lab.sensors.words import no_reference
 
     lacking = [log.name for log in logs if not log.has("baro_m")]
     if lacking:
         raise LogError(f"{lacking[0]}: holds no barometer (baro_m), expected one")
     found = [(log.name, heights(log, "barometer")) for log in logs]
     known = [each for _, each in found if isinstance(each, Heights)]
-    without = Untold("barometer", tuple((name, each) for name, each in found if not isinstance(each, Heights)))
+    without = NoAnswer("barometer", tuple((name, each) for name, each in found if not isinstance(each, Heights)))
     if not known:
         write_json(json_out, {"sensors": [without.to_dict()]})
-        raise LogError("; ".join(untold(without)))
-    for sentence in untold(without):
-        say(f"Left out is {sentence}")
+        raise LogError("; ".join(map(str, no_reference(without))))
+    for fact in no_reference(without):
+        say(f"Left out is {fact}")
     return known
 
 

@@ -76,7 +76,7 @@ def new(
         "assumed is worth measuring (quadctl thrust-stand, or a flight and quadctl discover)."
     )
     if touching := overlap([rotor.position_m for rotor in vehicle.rotors], 2.0 * vehicle.rotor.radius_m):
-        print_warning(touching)
+        print_warning(str(touching))
 
 
 OPTIONS = {

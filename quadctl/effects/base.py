@@ -19,9 +19,9 @@ from typing import Any, ClassVar, Self, cast
 from quadctl.errors import SettingsError
 from quadctl.frames import Quaternion
 from quadctl.numeric import Number, Vector
-from quadctl.settings import nearest
 from quadctl.surfaces import Shares
 from quadctl.vehicle import Vehicle
+from quadctl.words import nearest
 
 NO_FORCE: Vector = (0.0, 0.0, 0.0)
 NO_TORQUE: Vector = (0.0, 0.0, 0.0)

@@ -12,7 +12,7 @@ from pathlib import Path
 from quadctl.effects.base import Effect
 from quadctl.effects.user import effects_of, installed, load_installed
 from quadctl.errors import SettingsError
-from quadctl.settings import nearest
+from quadctl.words import nearest
 
 FIRST = (
     *("thrust_scale", "thrust_map", "ground_effect", "ground_effect_hexarotor", "ground_effect_surfaces"),

@@ -28,8 +28,8 @@ from quadctl.effects.base import (
     ThrustRatio,
 )
 from quadctl.errors import SettingsError
-from quadctl.settings import nearest
 from quadctl.vehicle import Vehicle
+from quadctl.words import nearest
 
 GROUP = "quadctl.effects"
 """Group of the entry points `"family.variant" = "package.module:Class"`."""
@@ -93,9 +93,7 @@ def _effects_of(path: Path, version: tuple[int, int]) -> dict[str, type[Effect]]
         own = isinstance(kind, type) and issubclass(kind, Effect) and kind.__module__ == MODULE
         if not own or kind.__name__.startswith("_"):
             continue
-        problem = _problem(kind)
-        if problem:
-            raise SettingsError(problem)
+        _require_usable(kind)
         if found.setdefault(kind.name, kind) is not kind:
             raise SettingsError(f"holds two effects named {kind.name}, expected a name of its own for each")
     if not found:
@@ -123,9 +121,10 @@ def load_installed(entry: EntryPoint) -> type[Effect]:
         raise SettingsError(f"{source}: cannot be loaded ({type(error).__name__}: {error})") from None
     if not (isinstance(kind, type) and issubclass(kind, Effect)):
         raise SettingsError(f"{source}: is no effect, expected a class derived from quadctl.effects.Effect")
-    problem = _problem(kind)
-    if problem:
-        raise SettingsError(f"{source}: {problem}")
+    try:
+        _require_usable(kind)
+    except SettingsError as error:
+        raise SettingsError(f"{source}: {error}") from None
     if kind.name != entry.name:
         raise SettingsError(f"{source}: the effect is named {kind.name}, expected the name of the entry point")
     return kind
@@ -143,11 +142,15 @@ def _run(path: Path) -> dict[str, Any]:
         raise SettingsError(f"{where} ({type(error).__name__}: {error})") from None
 
 
-def _problem(kind: type[Effect]) -> str | None:
-    """First problem of an effect that lacks a declaration or does not work; None without one."""
+def _require_usable(kind: type[Effect]) -> None:
+    """Raise SettingsError for the first declaration that an effect lacks, or the first answer that is none."""
     _rename(kind)
-    problem = _declaration_problem(kind) or _parameter_problem(kind) or _hook_problem(kind)
-    return problem and f"{kind.__name__} {problem}"
+    try:
+        _require_declarations(kind)
+        _require_parameters(kind)
+        _require_hooks(kind)
+    except SettingsError as error:
+        raise SettingsError(f"{kind.__name__} {error}") from None
 
 
 def _rename(kind: type[Effect]) -> None:
@@ -158,14 +161,14 @@ def _rename(kind: type[Effect]) -> None:
             setattr(kind, present, getattr(kind, former))
 
 
-def _declaration_problem(kind: type[Effect]) -> str | None:
+def _require_declarations(kind: type[Effect]) -> None:
     for name in DECLARED:
         if not hasattr(kind, name):
-            return f"declares no {name}, expected {', '.join(DECLARED)}"
+            raise SettingsError(f"declares no {name}, expected {', '.join(DECLARED)}")
     if not re.fullmatch(r"[a-z][a-z0-9_]*\.[a-z][a-z0-9_]*", str(kind.name)):
-        return f"is named '{kind.name}', expected family.variant in small letters"
+        raise SettingsError(f"is named '{kind.name}', expected family.variant in small letters")
     if "__dataclass_params__" not in vars(kind):
-        return "is no dataclass, expected @dataclass(frozen=True) above it"
+        raise SettingsError("is no dataclass, expected @dataclass(frozen=True) above it")
     for says, names, known in (
         ("depends on", kind.depends_on, VARIABLES),
         ("needs a span of", kind.needs, SPANS),
@@ -173,43 +176,42 @@ def _declaration_problem(kind: type[Effect]) -> str | None:
     ):
         for name in names:
             if name not in known:
-                return f"{says} '{name}'{nearest(name, known)}, expected some of {', '.join(known)}"
-    return None
+                raise SettingsError(f"{says} '{name}'{nearest(name, known)}, expected some of {', '.join(known)}")
 
 
-def _parameter_problem(kind: type[Effect]) -> str | None:
+def _require_parameters(kind: type[Effect]) -> None:
     for field in dataclasses.fields(kind):
         if "low" not in field.metadata:
-            return f"has a field {field.name}, expected it to be declared: {field.name}: float = parameter(...)"
+            raise SettingsError(
+                f"has a field {field.name}, expected it to be declared: {field.name}: float = parameter(...)"
+            )
         low, high = field.metadata["low"], field.metadata["high"]
         if not low < high or not low <= field.default <= high:
-            return f"has {field.name} = {field.default} within {low} to {high}, expected a default between low and high"
-    return None
+            raise SettingsError(
+                f"has {field.name} = {field.default} within {low} to {high}, expected a default between low and high"
+            )
 
 
-def _hook_problem(kind: type[Effect]) -> str | None:
+def _require_hooks(kind: type[Effect]) -> None:
     if not any(kind.acts_by(hook) for hook in HOOKS):
-        return f"does nothing, expected one of {', '.join(HOOKS)}"
+        raise SettingsError(f"does nothing, expected one of {', '.join(HOOKS)}")
     unsaid = issubclass(kind, ThrustRatio) and kind.ratio is ThrustRatio.ratio
     if unsaid and kind.rotor_thrust is ThrustRatio.rotor_thrust:
-        return "is a ThrustRatio without ratio, expected that method"
+        raise SettingsError("is a ThrustRatio without ratio, expected that method")
     try:
-        if not kind.applies_to(SAMPLE):
-            return None
-        for number in (1.0, np.array([1.0, 1.1, 1.2])):
-            wrong = _wrong_answer(kind(), number)
-            if wrong:
-                return wrong
+        for number in (1.0, np.array([1.0, 1.1, 1.2])) if kind.applies_to(SAMPLE) else ():
+            _require_answers(kind(), number)
+    except SettingsError:
+        raise
     except Exception as error:
-        return (
+        raise SettingsError(
             f"fails when it is evaluated ({type(error).__name__}: {error}), "
             f"expected it to take floats and arrays, as the functions of quadctl.numeric do"
-        )
-    return None
+        ) from None
 
 
-def _wrong_answer(effect: Effect, number: Any) -> str | None:
-    """Evaluate the hooks 1 m above the ground, at speeds of about 1 m/s, and say what is no finite answer."""
+def _require_answers(effect: Effect, number: Any) -> None:
+    """Evaluate the hooks 1 m above the ground, at speeds of 1 m/s; raise SettingsError where one is not finite."""
     level = (number / number, 0.0 * number, 0.0 * number, 0.0 * number)
     c = Conditions(number, (number, number, number), level, number, 16.0 * number)
     thrust = [3.7 * number] * SAMPLE.n_rotors
@@ -222,7 +224,6 @@ def _wrong_answer(effect: Effect, number: Any) -> str | None:
     }
     for hook, (answer, count) in answers.items():
         if not isinstance(answer, tuple | list) or len(answer) != count:
-            return f"gives {answer!r} as {hook}, expected a tuple of {count}"
+            raise SettingsError(f"gives {answer!r} as {hook}, expected a tuple of {count}")
         if not all(np.all(np.isfinite(component)) for component in answer):
-            return f"gives a {hook} that is not finite 1 m above the ground, expected finite numbers"
-    return None
+            raise SettingsError(f"gives a {hook} that is not finite 1 m above the ground, expected finite numbers")

@@ -5,6 +5,7 @@ What the autopilots share stands here; what differs is a `Dialect`, one for each
 
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from enum import unique
 from typing import NamedTuple
 
 from quadctl.effects import Effect
@@ -17,6 +18,7 @@ from quadctl.errors import SettingsError
 from quadctl.export.estimate import Estimate, estimate
 from quadctl.export.hover import bend, hover_throttle
 from quadctl.model import Model, StackedEffect
+from quadctl.words import Fact, Kinds, When, fact
 
 SEA_LEVEL_DENSITY_KG_M3 = 1.225
 THRUST = tuple(kind.family() for kind in (ConstantScale, LineMap, PowerCurve))
@@ -34,6 +36,28 @@ SAME = 1e-6
 
 
 OFF = Estimate(0.0, 0.0, 0.0)
+
+
+_SINCE = When("since", " ({firmware} has it since {since})")
+
+
+@unique
+class Lacking(Kinds):
+    """Reasons why a parameter is not exported, each with its template."""
+
+    FIRMWARE = ("this firmware does not have it", _SINCE)
+    NOT_AMONG = (
+        "{source} does not hold it, but only {count} parameters: give all of the vehicle's, to tell whether its "
+        "firmware has it",
+        _SINCE,
+    )
+    NO_INTERVAL = "{parameter} of the model's {effect} has no confidence interval"
+    MAY_BE_ZERO = (
+        "the {meaning} ({parameter}) is not distinguished from zero: at most {most_m2:.2g} m²",
+        When("least_kg_m2", ", so that it is at least {least_kg_m2:.2g} kg/m²"),
+    )
+    NOT_SHOWN = "these flights do not show {error}: {flight}"
+    ZERO = ("{error} is not distinguished from zero", When("intervals", " ({intervals})"))
 
 
 class Older(NamedTuple):
@@ -262,7 +286,7 @@ def _for_firmware(row: Row, dialect: Dialect, present: Present | None) -> Iterat
         yield row._replace(estimate=None, lacking=f"this firmware does not have it: {older.said}, {change}")
         yield row._replace(name=older.name, estimate=Estimate(value, low, high), present=before)
     else:
-        yield row._replace(estimate=None, lacking=_absence(row.name, dialect, present))
+        yield row._replace(estimate=None, lacking=str(_absence(row.name, dialect, present)))
 
 
 def _lacks(name: str, dialect: Dialect, present: Present) -> bool:
@@ -271,15 +295,11 @@ def _lacks(name: str, dialect: Dialect, present: Present) -> bool:
     return name not in present.values and (present.is_whole or is_older)
 
 
-def _absence(name: str, dialect: Dialect, present: Present) -> str:
+def _absence(name: str, dialect: Dialect, present: Present) -> Fact:
     """Reason why a parameter that is not among the present ones is not exported."""
-    since = f" ({dialect.name} has it since {dialect.since[name]})" if name in dialect.since else ""
-    if _lacks(name, dialect, present):
-        return f"this firmware does not have it{since}"
-    return (
-        f"{present.source} does not hold it, but only {len(present.values)} parameters: give all of the vehicle's, to "
-        f"tell whether its firmware has it{since}"
-    )
+    kind = Lacking.FIRMWARE if _lacks(name, dialect, present) else Lacking.NOT_AMONG
+    facts = {"firmware": dialect.name, "since": dialect.since.get(name), "source": present.source}
+    return fact(kind, **facts, count=len(present.values))
 
 
 def _row(quantity: _Quantity, model: Model, dialect: Dialect) -> Row:
@@ -311,19 +331,19 @@ def _row(quantity: _Quantity, model: Model, dialect: Dialect) -> Row:
     return row._replace(estimate=found, logs=tuple(logs))
 
 
-def _unbounded(quantity: _Quantity, item: StackedEffect, model: Model) -> str:
-    """Reason why a quantity that is inverse to a parameter has no upper bound; empty where it has one."""
+def _unbounded(quantity: _Quantity, item: StackedEffect, model: Model) -> Fact | None:
+    """Reason why a quantity that is inverse to a parameter has no upper bound; None where it has one."""
     name = quantity.divisor
     value, interval = item.effect.values()[name], item.fitted.ci95.get(name) if item.fitted is not None else None
     if interval is None:
-        return f"{name} of the model's {item.effect.name} has no confidence interval"
+        return fact(Lacking.NO_INTERVAL, parameter=name, effect=item.effect.name)
     low, high = interval
     if low > 0.0 and value > 0.0:
-        return ""
+        return None
     most = max(high, value)
-    least = f", so that it is at least {model.vehicle.mass_kg / most:.2g} kg/m²" if most > 0.0 else ""
     (meaning,) = (p.meaning for p in item.effect.parameters() if p.name == name)
-    return f"the {meaning} ({name}) is not told from zero: at most {most:.2g} m²{least}"
+    least = model.vehicle.mass_kg / most if most > 0.0 else None
+    return fact(Lacking.MAY_BE_ZERO, meaning=meaning, parameter=name, most_m2=most, least_kg_m2=least)
 
 
 def _values(model: Model, kind: type[Effect]) -> dict[str, float]:

@@ -5,10 +5,11 @@ from collections.abc import Mapping
 from typing import NamedTuple
 
 from quadctl.effects.barometer import FADED_M, RUNS, AirspeedError, GroundError, ThrottleError
-from quadctl.export.autopilot import SEA_LEVEL_DENSITY_KG_M3, Dialect, Present, Row
+from quadctl.export.autopilot import SEA_LEVEL_DENSITY_KG_M3, Dialect, Lacking, Present, Row
 from quadctl.export.estimate import Estimate
 from quadctl.frames import GRAVITY_M_S2
 from quadctl.sensor_model import FittedError, SensorModel
+from quadctl.words import Fact, fact
 
 MATTERS = 0.05
 """Half width of an interval about zero within which a coefficient is known to be of no matter."""
@@ -116,17 +117,13 @@ def _beside(row: Row, present: Present | None) -> Row:
     return row._replace(estimate=None, lacking=lacks)
 
 
-def _fitted(model: SensorModel, name: str) -> FittedError | str:
+def _fitted(model: SensorModel, name: str) -> FittedError | Fact:
     """The error where it is missing; else the reason why nothing is exported."""
     one = model.of(name)
     if one is None:
-        return f"these flights do not show {name}: {FLY}"
-    return one if one.missing else f"{name} is not told from zero{_intervals(one)}"
-
-
-def _intervals(one: FittedError) -> str:
-    known = [f"{name} {low:.2g} to {high:.2g}" for name, (low, high) in one.ci95.items()]
-    return f" ({', '.join(known)})" if known else ""
+        return fact(Lacking.NOT_SHOWN, error=name, flight=FLY)
+    known = [f"{parameter} {low:.2g} to {high:.2g}" for parameter, (low, high) in one.ci95.items()]
+    return one if one.missing else fact(Lacking.ZERO, error=name, intervals=", ".join(known))
 
 
 def _airspeed(name: str, of: tuple[str, ...], model: SensorModel, names: SensorDialect) -> Row:
@@ -140,7 +137,7 @@ def _airspeed(name: str, of: tuple[str, ...], model: SensorModel, names: SensorD
         return row._replace(lacking=f"one number for two that differ: {each}")
     found = _joined(known)
     if found.low <= 0.0 <= found.high:
-        interval = f"not told from zero ({found.low:.3g} to {found.high:.3g})"
+        interval = f"not distinguished from zero ({found.low:.3g} to {found.high:.3g})"
         is_small = max(-found.low, found.high) < MATTERS
         return row._replace(lacking=interval if is_small else f"{interval}: {FLY}")
     if not one.missing:
@@ -173,8 +170,8 @@ def _joined(known: list[Estimate]) -> Estimate:
 def _throttle(name: str, model: SensorModel) -> Row:
     row = Row(name, "pressure error at full throttle, Pa")
     one = _fitted(model, ThrottleError.name)
-    if isinstance(one, str):
-        return row._replace(lacking=one)
+    if isinstance(one, Fact):
+        return row._replace(lacking=str(one))
     if model.hover_throttle is None:
         return row._replace(lacking="the logs do not tell the throttle of hover")
     pascal_per_m = -SEA_LEVEL_DENSITY_KG_M3 * GRAVITY_M_S2 / model.hover_throttle
@@ -189,8 +186,8 @@ def _ground(names: SensorDialect, model: SensorModel) -> list[Row]:
     height = Row(names.dead_band_height, f"height above which less than {FADED_M:g} m of the ground's error is left, m")
     hold = [Row(names.dead_band_time, "time from lift-off to that height, s")] if names.dead_band_time else []
     one = _fitted(model, GroundError.name)
-    if isinstance(one, str):
-        return [row._replace(lacking=one) for row in (*rows, height, *hold)]
+    if isinstance(one, Fact):
+        return [row._replace(lacking=str(one)) for row in (*rows, height, *hold)]
     found, fade_m = _estimate(one, "at_ground_m"), one.error.values()["fade_m"]
     heights = [GroundError(error_m, fade_m).faded_at_m for error_m in found]
     up_to = height._replace(estimate=Estimate(heights[0], *sorted(heights[1:])), logs=model.logs)

@@ -11,8 +11,9 @@ from quadctl.errors import SettingsError
 from quadctl.files import write_text
 from quadctl.fleet.changes import by_quantity
 from quadctl.fleet.figures import small_multiples
-from quadctl.fleet.summary import Fleet
+from quadctl.fleet.summary import Fleet, Kind
 from quadctl.lab.plots.svg import to_svg
+from quadctl.words import Fact, fact
 
 
 def write_report(path: Path, fleet: Fleet, folder: Path, model: Path) -> None:
@@ -38,7 +39,7 @@ def write_report(path: Path, fleet: Fleet, folder: Path, model: Path) -> None:
     write_text(path, text, SettingsError, "a file name")
 
 
-def _panels(fleet: Fleet) -> list[tuple[str, str, str]]:
+def _panels(fleet: Fleet) -> list[tuple[str, str, Fact]]:
     """Quantity, figure and a sentence of its values; quantities that changed come first."""
     populations = {spread.quantity: spread.population for spread in fleet.spreads}
     panels = []
@@ -46,8 +47,7 @@ def _panels(fleet: Fleet) -> list[tuple[str, str, str]]:
         changes = [change for change in fleet.changes if change.quantity == quantity]
         population = populations.get(quantity)
         figure = small_multiples(series, changes, population)
-        mean = "" if population is None else f" with mean {population.mean:.3g}"
-        changed = f"; {', '.join(change.vehicle for change in changes)} changed" if changes else ""
-        sentence = f"{quantity} of {len(series)} vehicles over their flights{mean}{changed}."
-        panels.append((bool(not changes), (quantity, to_svg(figure, f"fleet{number}"), sentence)))
+        facts = {"mean": population and f"{population.mean:.3g}", "changed": [change.vehicle for change in changes]}
+        caption = fact(Kind.FIGURE, quantity=quantity, vehicles=len(series), **facts)
+        panels.append((bool(not changes), (quantity, to_svg(figure, f"fleet{number}"), caption)))
     return [panel for _, panel in sorted(panels, key=lambda item: item[0])]

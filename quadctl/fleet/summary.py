@@ -17,15 +17,23 @@ from quadctl.fleet.changes import number_of_tests as count_tests
 from quadctl.fleet.measurement import FlightRecord
 from quadctl.lab.random_effects import Population
 from quadctl.lab.results import Result
-from quadctl.words import Fact, Facts, Kinds, Words, fact
+from quadctl.words import Fact, Kinds, When, Words, fact
 
 LEAST_FOR_MEAN = 2
 """Least number of flights of a vehicle whose scatter says how well its mean is known."""
 PROBLEMS_SHOWN = 10
 
 
+_WORDS = Words(
+    {
+        "interval": lambda ends: "[{:+.3g}, {:+.3g}]".format(*ends),
+        "p": lambda p: "p < 1e-4" if p < 1e-4 else f"p = {p:.2g}",
+    }
+)
+
+
 @unique
-class Kind(Kinds):
+class Kind(Kinds, words=_WORDS):
     """Kinds of findings about a fleet, each with the template of its words."""
 
     MEASURED = "{measured} of {all} flights of {vehicles} vehicles measured."
@@ -38,16 +46,12 @@ class Kind(Kinds):
     DRIFT = "  {vehicle}: {quantity} drifts by {size:+.3g} {ci95:interval} in ten flights ({p:p}, adjusted)."
     JUMP = "  {vehicle}: {quantity} jumps by {size:+.3g} {ci95:interval} with {since} ({p:p}, adjusted)."
 
-    def said(self, facts: Facts) -> str:
-        return _WORDS.say(self.value, facts)
-
-
-_WORDS = Words(
-    {
-        "interval": lambda ends: "[{:+.3g}, {:+.3g}]".format(*ends),
-        "p": lambda p: "p < 1e-4" if p < 1e-4 else f"p = {p:.2g}",
-    }
-)
+    FIGURE = (
+        "{quantity} of {vehicles} vehicles over their flights",
+        When("mean", " with mean {mean}"),
+        When("changed", "; {changed:list} changed"),
+        ".",
+    )
 
 
 class Spread(NamedTuple):

@@ -7,9 +7,9 @@ from pathlib import Path
 from typing import NamedTuple
 
 from quadctl.errors import LogError
-from quadctl.settings import nearest
 from quadctl.thrust_stand.table import NEWTONS_PER, Row, read_rows, thrust_column
 from quadctl.vehicle import Vehicle
+from quadctl.words import nearest
 
 MIN_HEIGHTS = 4
 """One more than the numbers that a formula may have (two, and the thrust far from the ground)."""

@@ -15,16 +15,32 @@ from quadctl.errors import QuadctlError
 from quadctl.ground_curve.curves import SIGNIFICANCE, Fit, fit_all, p_same
 from quadctl.ground_curve.measurement import Measurement
 from quadctl.model import Model, Provenance
-from quadctl.settings import nearest
 from quadctl.vehicle import Vehicle
-from quadctl.words import Fact, Facts, Kinds, Words, fact
+from quadctl.words import Fact, Kinds, Words, fact, nearest
 
 POLE = "it is not finite at a height measured"
 AT_BOUND = "(at its bound)"
 
 
+def _numbers(fit: Fit) -> str:
+    """Numbers of a fit with their 95 % intervals."""
+    ends = {name: "[{:.4g}, {:.4g}]".format(*ci) for name, ci in fit.ci95.items()}
+    pairs = zip(fit.formula.names, fit.values, strict=True)
+    return ", ".join(f"{name} = {value:.4g} {ends.get(name, AT_BOUND)}" for name, value in pairs)
+
+
+def _percent(share: float) -> str:
+    shown = f"{100.0 * share:.3g}" if math.isfinite(share) else "pole"
+    return f"{shown:>8}"
+
+
+_WORDS = Words(
+    {"percent": _percent, "numbers": _numbers, "newtons": lambda far_n: ", ".join(f"{value:.4g} N" for value in far_n)}
+)
+
+
 @unique
-class Kind(Kinds):
+class Kind(Kinds, words=_WORDS):
     """Kinds of findings, each with the template of its words."""
 
     READINGS = (
@@ -41,9 +57,6 @@ class Kind(Kinds):
     NOT_SEEN = "A ground effect is not seen in these data."
     POLES = "Not finite at a height measured: {names:list}."
     FAR = "Thrust far from the ground, fitted with {best}: {far_n:newtons}."
-
-    def said(self, facts: Facts) -> str:
-        return _WORDS.say(self.value, facts)
 
 
 @dataclass(frozen=True)
@@ -203,27 +216,6 @@ def _grounded(fit: Fit) -> str:
     return POLE if math.isinf(fit.rmse) else effect.not_for_flight
 
 
-def _numbers(fit: Fit) -> str:
-    """Numbers of a fit with their 95 % intervals."""
-    ends = {name: "[{:.4g}, {:.4g}]".format(*ci) for name, ci in fit.ci95.items()}
-    pairs = zip(fit.formula.names, fit.values, strict=True)
-    return ", ".join(f"{name} = {value:.4g} {ends.get(name, AT_BOUND)}" for name, value in pairs)
-
-
-def _percent(share: float) -> str:
-    shown = f"{100.0 * share:.3g}" if math.isfinite(share) else "pole"
-    return f"{shown:>8}"
-
-
 def _known(value: float) -> float | None:
     """None for what is not finite: JSON has no infinity."""
     return value if math.isfinite(value) else None
-
-
-_WORDS = Words(
-    {
-        "percent": _percent,
-        "numbers": _numbers,
-        "newtons": lambda far_n: ", ".join(f"{value:.4g} N" for value in far_n),
-    }
-)

@@ -106,8 +106,8 @@ def errors_of(
 
 
 def _judging_fit(model: Model, seen: Dataset) -> FittedModel:
-    """The fit whose held-out error is that of `model`: of all parameters, or of the trims alone where `model` was not
-    fitted to these flights."""
+    """The fit whose held-out error is that of `model`: of all parameters, or of the per-flight biases alone where
+    `model` was not fitted to these flights."""
     return fit_model(model, seen) if is_fitted_to(model, seen.names) else fit_as_it_stands(model, seen)
 
 

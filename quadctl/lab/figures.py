@@ -54,7 +54,7 @@ def draw_discovery(result: Discovery) -> "Figure":
     """Held-out error after each selection step."""
     from quadctl.lab import plots
 
-    return plots.ladder(result.diagnosis, result.noise_floor["total"])
+    return plots.model_sequence(result.diagnosis, result.noise_floor["total"])
 
 
 @draws(Suggestion)

@@ -1,36 +1,35 @@
-"""Words of findings: one table of templates for the terminal, the page and the report."""
+"""Words of findings and verdicts: one table of templates for the terminal, the page and the report.
 
-from collections.abc import Mapping, Sequence
+Those of comparisons stand with the formats of numbers in `quadctl.lab.comparison.wording`.
+"""
+
+from collections.abc import Mapping
+from enum import unique
 from typing import Any
 
-from quadctl.lab.comparison.wording import (
-    change_in_words,
-    flights_in_words,
-    interval_in_words,
-    listed,
-    number,
-    p_in_words,
-    percent,
-    plain,
-    quantity,
-)
+from quadctl.lab.comparison.reservations import vehicle_in_words
+from quadctl.lab.comparison.wording import FORMATS, IF_IT_FLEW, interval_in_words, listed, plain, sentence
 from quadctl.lab.finding import Finding, Kind
-from quadctl.lab.flights.flight import SPAN_NAMES, VARIABLE_NAMES
-from quadctl.words import Format, Words
+from quadctl.lab.flights.flight import SPAN_NAMES
+from quadctl.vehicle import Vehicle
+from quadctl.words import By, Fact, Format, Kinds, Template, When, Words
 
-TEMPLATES: Mapping[Kind, str] = {
-    Kind.MISSING: "Missing: {families:families}.",
-    Kind.ONLY_SMALL: "Nothing that matters much is missing; measured, but small: {families:families}.",
-    Kind.NONE: "No known effect is missing: none reduces the held-out error enough to matter.",
-    Kind.UNEXPLAINED: "Something is missing that no known effect explains.",
-    Kind.LITTLE_UNEXPLAINED: "A little is left that no known effect explains.",
-    Kind.NOTHING_SIGNIFICANT: "Nothing significant is missing.",
-    Kind.NONE_BUT_MORE_THAN_NOISE: "No known effect is missing, but not all of the error is noise.",
-    Kind.NONE_BUT_LARGER_HELD_OUT: "No known effect is missing in {flights:flights}; the held-out error is larger.",
+_VERDICTS: Mapping[Kind, str] = {
+    Kind.MISSING: "Missing: {families:families}",
+    Kind.ONLY_SMALL: "Nothing that matters much is missing; measured, but small: {families:families}",
+    Kind.NONE: "No known effect is missing: none reduces the held-out error enough to matter",
+    Kind.UNEXPLAINED: "Something is missing that no known effect explains",
+    Kind.LITTLE_UNEXPLAINED: "A little is left that no known effect explains",
+    Kind.NOTHING_SIGNIFICANT: "Nothing significant is missing",
+    Kind.NONE_BUT_MORE_THAN_NOISE: "No known effect is missing, but not all of the error is noise",
+    Kind.NONE_BUT_LARGER_HELD_OUT: "No known effect is missing in {flights:flights}; the held-out error is larger",
     Kind.NONE_BUT_FITTED_TO_HELD_OUT: "No further effect is missing, but the model is fitted to {flights:list}, "
-    "which is held out.",
-    Kind.NONE_BUT_FITTED_TO_OTHERS: "No further effect is missing, but the model is fitted to {flights:list} only.",
-    Kind.NONE_BUT_NOT_FITTED: "No further effect is missing, but the model is not fitted to these flights.",
+    "which is held out",
+    Kind.NONE_BUT_FITTED_TO_OTHERS: "No further effect is missing, but the model is fitted to {flights:list} only",
+    Kind.NONE_BUT_NOT_FITTED: "No further effect is missing, but the model is not fitted to these flights",
+}
+TEMPLATES: Mapping[Kind, Template] = {
+    **{kind: (template, IF_IT_FLEW, ".") for kind, template in _VERDICTS.items()},
     Kind.EFFECT: "{effect}: {parameters:parameters}",
     Kind.ERROR: "Held-out acceleration error: {before:number} → {after:m/s²} ({drop:change}).",
     Kind.PART_UNEXPLAINED: "Part of the remaining error depends on the logged variables; no known effect explains it.",
@@ -44,9 +43,16 @@ TEMPLATES: Mapping[Kind, str] = {
     Kind.WHOLE_FLIGHTS: "With whole flights held out: {before:number} → {after:m/s²}.",
     Kind.PART_SEARCHED: "The search has seen {searched} of {all} samples, in stretches spread over the flights, and so "
     "have its errors; the parameters of what is missing are fitted to all samples.",
-    Kind.SMALL: "Measured, but small in these flights: {effect}, {parameters:parameters}{alternatives:or}. Held-out "
-    "error: {before:number} → {after:number} {unit:unit}; alone it moves the vehicle {off_m:g} m off "
-    "{off_after_s:after}. {depends_on:more}. `quadctl add {effect} MODEL.yaml LOG... -o NEW.yaml` adds it.",
+    Kind.SMALL: (
+        "Measured, but small in these flights: {effect}, {parameters:parameters}{alternatives:or}. Held-out error: "
+        "{before:number} → {after:number} {unit:unit}; alone it moves the vehicle {off_m:g} m off ",
+        When("off_after_s", "after {off_after_s:.1f} s", "in no part of these flights"),
+        ". ",
+        When(
+            "depends_on", "It matters more over larger ranges of {depends_on:variables}", "It is the same in all flight"
+        ),
+        ". `quadctl add {effect} MODEL.yaml LOG... -o NEW.yaml` adds it.",
+    ),
     Kind.USUAL: "There (p {p:p}), but no larger than the per-flight biases of any real vehicle: {effect}, "
     "{parameters:parameters}.",
     Kind.LATE_POSITION: "The position comes {delay_ms:.0f} ms [{low_ms:.0f}, {high_ms:.0f}] after the rotors' signal, "
@@ -81,20 +87,7 @@ TEMPLATES: Mapping[Kind, str] = {
 }
 
 
-def in_words(finding: Finding) -> str:
-    """Sentence, or of a reason the part of one, with typographic signs."""
-    return _WORDS.say(TEMPLATES[finding.kind], finding.facts)
-
-
-def _after(time_s: float | None) -> str:
-    return "in no part of these flights" if time_s is None else f"after {time_s:.1f} s"
-
-
-def _more(variables: Sequence[str]) -> str:
-    """Sentence on what makes an effect of these variables matter more."""
-    if not variables:
-        return "It is the same in all flight"
-    return f"It matters more over larger ranges of {listed([VARIABLE_NAMES[name] for name in variables])}"
+_IMPROVES = "It lowers the held-out error by {drop:.0%}, on the {axis} axis by {largest_drop:.0%}."
 
 
 def _leans(flights: Mapping[str, Mapping[str, float]]) -> str:
@@ -115,25 +108,110 @@ def _parameters(values: Mapping[str, Mapping[str, Any]]) -> str:
 
 
 _FORMATS: Mapping[str, Format] = {
-    "families": lambda names: listed([plain(name) for name in names]),
+    **FORMATS,
     "family": plain,
     "others": lambda names: " or ".join(map(plain, names)),
     "list": listed,
+    "names": ", ".join,
     "any": " or ".join,
     "or": lambda names: f"; or, explaining as much, {listed(names)}" if names else "",
     "counts": lambda found: ", ".join(f"{plain(f)} in {n}" for f, n in found.items()) or "nothing in any",
-    "flights": flights_in_words,
     "parameters": _parameters,
     "leans": _leans,
-    "after": _after,
-    "more": _more,
     "unit": lambda unit: str(unit).replace("^2", "²"),
     "span": lambda name: str(SPAN_NAMES.get(name, name)),
-    "number": number,
-    "m/s²": quantity,
-    "percent": percent,
-    "change": change_in_words,
-    "p": p_in_words,
+    "Semicolons": lambda parts: sentence("; ".join(map(str, parts))),
+    "value": lambda found: "{:.4g} [{:.4g}, {:.4g}]".format(*found),
+    "sign": lambda p: "< 1e-4" if p < 1e-4 else f"= {p:.2g}",
 }
 
+
 _WORDS = Words(_FORMATS)
+
+
+@unique
+class Answer(Kinds, words=_WORDS):
+    """Answers of an analysis that are no findings of a diagnosis, each with its template."""
+
+    ADDED = "Added to {model}: {families:families}."
+    LEAVE_OUT = ("{effect} does not lower the held-out error significantly: leave it out", IF_IT_FLEW, ".")
+    LOWERS = ("{effect} lowers the held-out error by {drop:percent}", IF_IT_FLEW, ".")
+    ON_FLIGHTS = "on {flights:flights}"
+    ON_UNSEEN = "on {flights:flights}, which no fit has seen"
+    ON_HELD_OUT = "on {held_out}"
+    FALLS = "The error on the unseen data falls by {drop:percent} (95% interval {low:percent} to {high:percent})."
+    LEFT = "The remaining error is {times:.2f} times the reference error of {floor_m_s2:roughly}."
+    LEFT_WITH = (
+        "With these effects, the remaining error is ",
+        When("above", "{times:.2f} times", "{left_m_s2:m/s²}, below"),
+        " the reference error of {floor_m_s2:roughly}.",
+    )
+    ERROR_OF_MODEL = (
+        "The acceleration error of the model is {error_m_s2:m/s²} (95% interval {low:.3g} to {high:.3g}); a flexible "
+        "regression on all logged variables leaves {floor_m_s2:roughly}."
+    )
+    TRIED = (
+        "{tried:count effect} of the catalogue were fitted on top of {model}, each judged on {held_out}. p-values "
+        "account for autocorrelation and for the number of candidates tried."
+    )
+    REFERENCE = "The reference error is {floor_m_s2:roughly}."
+    OTHERS_THAN = ("{finding}", When("distinguished", " {distinguished:Semicolons}."))
+    DISTINGUISHED = "{family:family} is distinguished by {distinguished_by}"
+    NONE_AS_WELL = "No other effect explains these data as well."
+    SUPPORTED = _IMPROVES
+    NOT_SEPARATE = f"{_IMPROVES} These data do not separate it from others (distinguished by {{distinguished_by}})."
+    NO_LARGER = "It is no larger than the per-flight biases of any real vehicle."
+    NOT_SUPPORTED = "The held-out data do not support it."
+    NOTE = "Note: {remark}."
+    AS_AT_STEP = "The search refits the model to these flights; the error at the top is of the model as it stands."
+    NO_FORM = "The residual depends on the logged variables, but no effect of the catalogue describes how."
+    NONE_HELPS = "No effect of the catalogue reduces the held-out error enough to matter."
+    FOR_FITTING = "{finding} The flights are those for fitting."
+    OTHER_ERROR = "What shows {family:family} is another error: {drop:change} held-out {error}."
+    BY_FLIGHTS = By(
+        "same",
+        {True: "With whole flights held out the error is {before:m/s²}."},
+        "With all that is missing, the error with whole flights held out is {after:m/s²} instead of {before:m/s²}; on "
+        "blocks of time it is {on_blocks:m/s²}.",
+    )
+    INSTEAD = (
+        "It explains the same as {family:family}: beside that it changes nothing, instead of it it would. These data "
+        "do not tell which of the two it is."
+    )
+    WHY_NOT = "Why not: {reason}."
+    WITHOUT_AND_WITH = "Held-out acceleration error, without and with {effect}"
+    WITH_AND_WITHOUT = "Held-out acceleration error, with and without {effect}"
+    DOES_NOT_LOWER = "The effect does not lower the held-out error significantly: leave it out."
+    WORSE_WITHOUT = "The held-out data support {effect}: the model is worse without it."
+    NO_WORSE_WITHOUT = "The held-out data do not support {effect}: leave it out."
+    ONE_AND_EACH = "Held-out acceleration error, with one weight for all surfaces and with one for each"
+    SURFACES_ALIKE = "The surfaces cannot be told apart in these data (p = {p:.2g}): one weight is enough."
+    SURFACES_DIFFER = (
+        "The surfaces differ: by up to {most:.1%} of the thrust with the rotor plane at {height_m:g} m (p {p:sign})."
+    )
+    CHANGED = (
+        "{flight}: {parameter} of {effect} is {now:value}, was {before:value}",
+        When("since", " (first in {since})"),
+        ".",
+    )
+    MISSING_ON_TOP = "{flight}: missing on top of the model: {families:names}."
+    NOT_DETERMINED = "{flight}: does not determine {parameters:names}."
+    AT_LOWEST = (
+        "At the lowest height flown, {height_over_radius:.2f} rotor radii, the rotors give {ratio:.3f} times the "
+        "thrust they give far from the ground (",
+        When("fitted", "95% interval {low:.3f} to {high:.3f}", "the form has no free parameter"),
+        ").",
+    )
+    DOTS = (
+        "Dots are the measured thrust divided by the prediction without this effect. They assume no form: where they "
+        "differ from the curve, the fitted form is wrong."
+    )
+    HOLDS = "The model holds."
+    HOLDS_NOT = "The model does not hold on these flights."
+
+
+def in_words(found: Finding | Fact, vehicle: Vehicle | None = None) -> str:
+    """Sentence, or of a reason the part of one, with typographic signs; a verdict that holds only if it was `vehicle`
+    that flew says so."""
+    facts = found.facts if vehicle is None else {**found.facts, "vehicle": vehicle_in_words(vehicle)}
+    return found.kind.said(facts) if isinstance(found, Fact) else _WORDS.say(TEMPLATES[found.kind], facts)

@@ -16,10 +16,10 @@ from quadctl.errors import LogError
 from quadctl.logs.column_meaning import is_it
 from quadctl.logs.columns import PHASE_COLUMN, STATE_COLUMNS, is_column, known_columns, rpm_columns
 from quadctl.logs.findings import Finding, Kind, finding
-from quadctl.logs.flight_log import POSITION, FlightLog, Floats, did_you_mean
+from quadctl.logs.flight_log import POSITION, FlightLog, Floats
 from quadctl.logs.formats import A_MAP
 from quadctl.logs.sidecar import read_meta
-from quadctl.words import count
+from quadctl.words import count, nearest
 
 MAX_STANDSTILL_ROWS = 50
 """More consecutive rows than this without time going on are no glitch: two flights in one file, or no clock."""
@@ -105,7 +105,7 @@ def check_columns(names: Iterable[str], holder: str) -> list[Finding]:
     if absent:
         raise LogError(f"{holder} lacks {absent}, expected motor1_rpm to motorN_rpm, none left out")
     known = known_columns(max(len(rpm), 4))
-    return [finding(Kind.UNKNOWN_COLUMN, column=name, hint=did_you_mean(name, known)) for name in unknown]
+    return [finding(Kind.UNKNOWN_COLUMN, column=name, hint=nearest(name, known)) for name in unknown]
 
 
 def increasing(time_s: Floats) -> NDArray[np.bool_]:

@@ -1,6 +1,5 @@
 """A flight log in memory: one table with the columns of docs/log-format.md, whatever file it came from."""
 
-import difflib
 from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -13,6 +12,7 @@ from quadctl.errors import LogError
 from quadctl.logs.columns import rpm_columns
 from quadctl.logs.findings import Finding, Kind
 from quadctl.logs.words import worded
+from quadctl.words import nearest
 
 Floats: TypeAlias = NDArray[np.float64]
 
@@ -72,7 +72,7 @@ class FlightLog:
         try:
             return self.columns[name]
         except KeyError:
-            hint = did_you_mean(name, list(self.columns))
+            hint = nearest(name, list(self.columns))
             raise LogError(f"{self.name}: has no column '{name}'{hint}") from None
 
     def has(self, name: str) -> bool:
@@ -132,15 +132,13 @@ def attitude_source(log: FlightLog) -> str:
     return str(source)
 
 
+DOUBTS_OF_COPY = {
+    Kind.CUT_SHORT: " (its last message is cut short: was the whole log copied?)",
+    Kind.DAMAGED: " (the file is damaged: was the whole log copied?)",
+}
+
+
 def doubt_of_copy(findings: Iterable[Finding]) -> str:
     """The question to add to what a log lacks, where these findings say that a part is missing; else empty."""
     kinds = {found.kind for found in findings}
-    reasons = {Kind.CUT_SHORT: "its last message is cut short", Kind.DAMAGED: "the file is damaged"}
-    found = next((reason for kind, reason in reasons.items() if kind in kinds), "")
-    return f" ({found}: was the whole log copied?)" if found else ""
-
-
-def did_you_mean(word: str, known: list[str]) -> str:
-    """ " (did you mean 'x_m'?)", or nothing when no known name is near."""
-    matches = difflib.get_close_matches(word, known, n=1, cutoff=0.5)
-    return f" (did you mean '{matches[0]}'?)" if matches else ""
+    return next((doubt for kind, doubt in DOUBTS_OF_COPY.items() if kind in kinds), "")

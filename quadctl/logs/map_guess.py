@@ -72,15 +72,13 @@ def proposed(path: Path) -> tuple[TableMap, FlightLog]:
 
 
 def better_reading(path: Path, map_path: Path, log: FlightLog) -> str | None:
-    """A sentence that names the one field of the map whose other value makes the channels agree, if there is one."""
+    """The one field of the map, with the value that makes the channels agree; None where there is none."""
     by, table = load_map(map_path), read_table(path)
     present = misfit(log)
     if present < MIN_MISFIT and not complaints(log):
         return None
     found = _best_alternative(path, table, by)
-    if found is None or found.misfit > MIN_GAIN * present:
-        return None
-    return f"the channels agree with `{found.field}` in the map"
+    return None if found is None or found.misfit > MIN_GAIN * present else found.field
 
 
 class _Alternative(NamedTuple):

@@ -26,7 +26,7 @@ from quadctl.logs.axes import (
 from quadctl.logs.cleaning import clean_log
 from quadctl.logs.columns import PHASE_COLUMN, STATE_COLUMNS, motor_columns
 from quadctl.logs.findings import Finding, Kind, finding
-from quadctl.logs.flight_log import ATTITUDE, IMU, POSITION, RATES, VELOCITY, FlightLog, Floats, did_you_mean
+from quadctl.logs.flight_log import ATTITUDE, IMU, POSITION, RATES, VELOCITY, FlightLog, Floats
 from quadctl.logs.formats import A_MAP, HEAD_BYTES, MAP_SUFFIX, format_of, format_of_folder
 from quadctl.logs.merge import Channel, Origin, held, merge
 from quadctl.logs.table_map import (
@@ -52,6 +52,7 @@ from quadctl.logs.table_map import (
     maps_of_folder,
     unsigned,
 )
+from quadctl.words import nearest
 
 PARQUET_MAGIC = b"PAR1"
 SEPARATORS = (",", ";", "\t")
@@ -133,7 +134,7 @@ def read_by_map(path: Path, map_path: Path) -> FlightLog:
     table = read_table(path, findings)
     for field, column in by.named_columns():
         if column not in table.columns:
-            hint = did_you_mean(column, table.columns)
+            hint = nearest(column, table.columns)
             raise SettingsError(f"{map_path}: {field} names '{column}', expected a column of {path.name}{hint}")
     return mapped(table, by, path, findings)
 

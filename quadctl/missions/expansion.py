@@ -11,7 +11,8 @@ from typing import Annotated, Any, NamedTuple
 from pydantic import Field
 
 from quadctl.errors import SettingsError
-from quadctl.settings import Settings, nearest, validate
+from quadctl.settings import Settings, validate
+from quadctl.words import nearest
 
 Value = float | str | list[float | str]
 Values = Mapping[str, Any]

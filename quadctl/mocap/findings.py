@@ -2,7 +2,7 @@
 
 from enum import unique
 
-from quadctl.words import By, Facts, Kinds, Words
+from quadctl.words import By, Kinds, Words
 
 _DIRECTIONS = (("north", "south"), ("east", "west"), ("down", "up"))
 _WITHOUT_ORIGIN = (
@@ -11,8 +11,13 @@ _WITHOUT_ORIGIN = (
 )
 
 
+def _direction(index_and_sign: tuple[int, bool]) -> str:
+    axis, backward = index_and_sign
+    return _DIRECTIONS[axis][backward]
+
+
 @unique
-class Kind(Kinds):
+class Kind(Kinds, words=Words({"direction": _direction})):
     # --- the axes ---
     TILTED = (
         "the rigid body is tilted {off_deg:.0f} deg away from the autopilot's attitude (--frame {frame}): ",
@@ -42,14 +47,3 @@ class Kind(Kinds):
     JUMPED = "jumped"
     OTHER_AXES = "against the autopilot's attitude"
     LINK_DOWN = "with the link down"
-
-    def said(self, facts: Facts) -> str:
-        return _WORDS.say(self.value, facts)
-
-
-def _direction(index_and_sign: tuple[int, bool]) -> str:
-    axis, backward = index_and_sign
-    return _DIRECTIONS[axis][backward]
-
-
-_WORDS = Words({"direction": _direction})

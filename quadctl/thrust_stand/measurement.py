@@ -7,10 +7,10 @@ from pathlib import Path
 from typing import NamedTuple, TextIO
 
 from quadctl.errors import LogError
-from quadctl.settings import nearest
 from quadctl.state import NAN
 from quadctl.thrust_stand.table import NEWTONS_PER, Row, read_rows, thrust_column
 from quadctl.vehicle import Vehicle
+from quadctl.words import nearest
 
 THRUSTS = tuple(f"thrust_{unit}" for unit in NEWTONS_PER)
 MIN_POINTS = 3

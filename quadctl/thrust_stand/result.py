@@ -16,14 +16,33 @@ from quadctl.thrust_stand.curves import (
 )
 from quadctl.thrust_stand.measurement import Point, check_points
 from quadctl.vehicle import Vehicle
-from quadctl.words import Fact, Facts, Kinds, When, Words, fact
+from quadctl.words import Fact, Kinds, When, Words, fact
 
 SAG = 0.03
 """Share of the voltage; thrust at a throttle goes about with its square."""
 
 
+def _with_interval(estimate: Estimate) -> str:
+    low, high = estimate.ci95
+    return f"{estimate.value:.4g} [{low:.4g}, {high:.4g}]"
+
+
+def _law(alternative: Alternative) -> str:
+    value, (low, high) = alternative.parameter.value, alternative.parameter.ci95
+    if alternative.law == "power":
+        return f"T ~ rpm^{value:.2f} [{low:.2f}, {high:.2f}]"
+    return f"T = k rpm^2 {value:+.2g} N [{low:.2g}, {high:.2g}]"
+
+
+def _test(alternative: Alternative) -> str:
+    return f"F(1, {alternative.parameter.freedom}) = {alternative.f_ratio:.3g}, p = {alternative.p_value:.2g}"
+
+
+_WORDS = Words({"estimate": _with_interval, "law": _law, "test": _test})
+
+
 @unique
-class Kind(Kinds):
+class Kind(Kinds, words=_WORDS):
     """Kinds of findings, each with the template of its words."""
 
     NO_SPEEDS = "No rotor speeds: rotor.thrust_n_per_rpm2 is not fitted and stays as it is."
@@ -55,9 +74,6 @@ class Kind(Kinds):
         ")",
     )
     SAG = "The voltage went from {from_v:.2f} to {to_v:.2f} V: the throttle line holds for a battery that sags alike."
-
-    def said(self, facts: Facts) -> str:
-        return _WORDS.say(self.value, facts)
 
 
 @dataclass(frozen=True)
@@ -150,22 +166,3 @@ def _known(fields: dict[str, Any]) -> dict[str, Any]:
 
 def _numbers(estimate: Estimate) -> dict[str, Any]:
     return {"value": estimate.value, "standard_error": estimate.standard_error, "ci95": estimate.ci95}
-
-
-def _with_interval(estimate: Estimate) -> str:
-    low, high = estimate.ci95
-    return f"{estimate.value:.4g} [{low:.4g}, {high:.4g}]"
-
-
-def _law(alternative: Alternative) -> str:
-    value, (low, high) = alternative.parameter.value, alternative.parameter.ci95
-    if alternative.law == "power":
-        return f"T ~ rpm^{value:.2f} [{low:.2f}, {high:.2f}]"
-    return f"T = k rpm^2 {value:+.2g} N [{low:.2g}, {high:.2g}]"
-
-
-def _test(alternative: Alternative) -> str:
-    return f"F(1, {alternative.parameter.freedom}) = {alternative.f_ratio:.3g}, p = {alternative.p_value:.2g}"
-
-
-_WORDS = Words({"estimate": _with_interval, "law": _law, "test": _test})

@@ -5,8 +5,8 @@ import pkgutil
 from collections.abc import Iterator
 
 from quadctl.errors import SettingsError
-from quadctl.settings import nearest
 from quadctl.trajectories.base import Reference, Trajectory
+from quadctl.words import nearest
 
 __all__ = ["Reference", "Trajectory", "find_trajectory", "known_trajectories"]
 

@@ -6,9 +6,17 @@ from collections.abc import Mapping, Sequence
 from typing import Literal, NamedTuple
 
 from quadctl.errors import SettingsError
+from quadctl.words import Fact, Kinds, fact
 
 Parameters = Mapping[str, float]
 Spin = Literal["cw", "ccw"]
+
+
+class Touching(Kinds):
+    PROPELLERS = (
+        "The propellers would touch: their axes are {apart_m:.3g} m apart, less than the diameter of {propeller_m:.3g} "
+        "m. On this frame they turn free from a diagonal of {free_m:.4g} m on."
+    )
 
 
 class Place(NamedTuple):
@@ -146,8 +154,8 @@ def arm_m_of(places: Sequence[Place]) -> float:
     return max(math.hypot(*place.position_m[:2]) for place in places)
 
 
-def overlap(positions_m: Sequence[tuple[float, float, float]], propeller_m: float) -> str | None:
-    """A sentence on propellers of this diameter, at these positions, FRD, that reach into each other; None where each
+def overlap(positions_m: Sequence[tuple[float, float, float]], propeller_m: float) -> Fact | None:
+    """Propellers of this diameter, at these positions, FRD, that reach into each other; None where each
     turns free.
 
     Rotors at different heights may overlap, as coaxial ones do: only those at one height are looked at.
@@ -157,10 +165,7 @@ def overlap(positions_m: Sequence[tuple[float, float, float]], propeller_m: floa
         return None
     diagonal_m = 2.0 * max(math.hypot(x, y) for x, y, _ in positions_m)
     free_mm = math.ceil(1e3 * diagonal_m * propeller_m / max(nearest_m, ROUNDED) - 1e-6)
-    return (
-        f"The propellers would touch: their axes are {nearest_m:.3g} m apart, less than the diameter of "
-        f"{propeller_m:.3g} m. On this frame they turn free from a diagonal of {1e-3 * free_mm:.4g} m on."
-    )
+    return fact(Touching.PROPELLERS, apart_m=nearest_m, propeller_m=propeller_m, free_m=1e-3 * free_mm)
 
 
 def _nearest_m(positions_m: Sequence[tuple[float, float, float]]) -> float:

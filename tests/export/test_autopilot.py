@@ -120,8 +120,8 @@ class TestDrag:
         (row,) = [row for row in rows if row.name == dialect.ballistic_y]
         assert row.estimate is None
         assert row.lacking == (
-            "the drag area seen from the side (area_y_m2) is not told from zero: at most 0.05 m², so that it is at "
-            "least 30 kg/m²: fly runs to the side at several speeds, such as missions/headings.yaml, and fit it"
+            "the drag area seen from the side (area_y_m2) is not distinguished from zero: at most 0.05 m², so that it "
+            "is at least 30 kg/m²: fly runs to the side at several speeds, such as missions/headings.yaml, and fit it"
         )
 
     @pytest.mark.parametrize(

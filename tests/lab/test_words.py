@@ -1,5 +1,6 @@
 """Words of findings: every kind has a template, and every fact its place in the sentence."""
 
+from collections.abc import Iterator
 from string import Formatter
 
 import pytest
@@ -8,6 +9,10 @@ from quadctl.effects.rotor_fault import WeakRotor
 from quadctl.lab.comparison.wording import on_terminal
 from quadctl.lab.finding import Finding, Kind, parameters_of
 from quadctl.lab.words import TEMPLATES, in_words
+from quadctl.vehicle import Vehicle
+from quadctl.words import Template
+
+parse = Formatter().parse
 
 WEAK = {"effect": "rotor_fault.weak", "parameters": parameters_of(WeakRotor(0.05, 3.0), {"loss": (0.04, 0.06)})}
 
@@ -58,12 +63,29 @@ def test_a_finding_is_said_with_its_numbers(finding: Finding, words: str) -> Non
     assert in_words(finding) == words
 
 
+def texts(template: Template) -> Iterator[str]:
+    """Texts of a template that are said whatever the facts are."""
+    if isinstance(template, str):
+        yield template
+    elif isinstance(template, tuple):
+        for part in template:
+            yield from texts(part)
+
+
 def test_no_fact_of_a_template_is_optional() -> None:
     """A fact that is forgotten is an error, and no gap in a sentence."""
-    needing = [kind for kind, text in TEMPLATES.items() if any(name for _, name, *_ in Formatter().parse(text))]
+    needing = [
+        kind for kind, template in TEMPLATES.items() for text in texts(template) if [n for _, n, *_ in parse(text) if n]
+    ]
+    assert len(needing) > 20
     for kind in needing:
         with pytest.raises(KeyError):
             in_words(Finding(kind))
+
+
+def test_a_verdict_may_hold_only_if_it_was_that_vehicle(raptor: Vehicle) -> None:
+    said = "Nothing significant is missing, if the vehicle is raptor (1.5 kg)."
+    assert in_words(Finding(Kind.NOTHING_SIGNIFICANT), raptor) == said
 
 
 def test_a_terminal_gets_signs_that_it_has() -> None:

@@ -97,14 +97,16 @@ def positions_m(frame: str, arm_m: float) -> list[tuple[float, float, float]]:
 class TestOverlap:
     def test_propellers_that_reach_into_each_other_are_told_with_the_diagonal_that_frees_them(self) -> None:
         """On a hexarotor neighbours are as far apart as the arm is long."""
-        assert overlap(positions_m("hexa-x", 0.2), 0.254) == (
+        assert str(overlap(positions_m("hexa-x", 0.2), 0.254)) == (
             "The propellers would touch: their axes are 0.2 m apart, less than the diameter of 0.254 m. "
             "On this frame they turn free from a diagonal of 0.508 m on."
         )
 
     @pytest.mark.parametrize("frame", FRAMES)
     def test_the_diagonal_that_is_named_is_the_least_one(self, frame: str) -> None:
-        free_m = float((overlap(positions_m(frame, 0.1), 0.254) or "").rpartition("diagonal of ")[2].split()[0])
+        touching = overlap(positions_m(frame, 0.1), 0.254)
+        assert touching is not None
+        free_m = touching.facts["free_m"]
         assert overlap(positions_m(frame, 0.5 * free_m + 1e-6), 0.254) is None
         assert overlap(positions_m(frame, 0.5 * free_m - 0.001), 0.254)
 

@@ -317,7 +317,7 @@ def test_all_can_be_taken_along(visitor: Visitor, tmp_path: Path) -> None:
     saved = visitor.keeps_file("button:has-text('Save session')", tmp_path)
     visitor.sees(".banner.done:has-text('The session is saved as session.lab.yaml')")
     again = load_session(saved)
-    assert [rung.name for rung in again.rungs][:2] == ["rigid body", f"+ {ADDED}"]
+    assert [step.name for step in again.sequence][:2] == ["rigid body", f"+ {ADDED}"]
     assert again.hashes == {log: sha256_of(log) for log in again.logs}
     assert again.view.startswith("show=missing")
 

@@ -20,7 +20,7 @@ from tests.support.visitors import PATIENCE_MS, SCREENS, Browser, Visitor, expec
 pytestmark = [needs_chromium, pytest.mark.long]
 
 FITTED = "refitted"
-"""Step of the ladder whose model is fitted to the first flight."""
+"""Step of the model sequence whose model is fitted to the first flight."""
 INTERVAL = re.compile(r"(-?[\d.]+(?:e-?\d+)?) ?\S* \[(\S+), (\S+)\]")
 
 
@@ -106,7 +106,7 @@ def test_the_model_has_one_error(visitor: Visitor) -> None:
     for step in ("rigid body", FITTED):
         stand_on(visitor, step)
         now = visitor.error_now()
-        assert numbers_in(visitor.sees(".ladder"), r"mispredicts acceleration by ([\d.]+) m/s²") == [now]
+        assert numbers_in(visitor.sees(".sequence"), r"mispredicts acceleration by ([\d.]+) m/s²") == [now]
         assert float(visitor.sees(".step.here .step-value")) == now
         assert numbers_in(visitor.sees(".part-overview"), r"Error, all axes: ([\d.]+) m/s²") == [now]
     visitor.click("[role=tab]:has-text('Where it fails')")

@@ -10,7 +10,7 @@ import yaml
 import quadctl.sitl.run
 from quadctl.flight.preflight.preparation import prepare_flight
 from quadctl.lab.sensors.answers import answers_on_sensors
-from quadctl.lab.sensors.diagnosis import SensorDiagnosis, Untold
+from quadctl.lab.sensors.diagnosis import NoAnswer, SensorDiagnosis
 from quadctl.logs.flight_log import ATTITUDE, POSITION, RATES, VELOCITY, FlightLog
 from quadctl.web.elements.theme import LIGHT
 from quadctl.web.figures.height_sensor import sensor_figure
@@ -54,7 +54,7 @@ def test_without_a_reference_the_answer_says_what_is_needed_and_without_a_barome
     found = answers_on_sensors([alone])
     assert found is not None
     (barometer,) = found.answers
-    assert isinstance(barometer, Untold)
+    assert isinstance(barometer, NoAnswer)
     assert barometer.to_dict()["verdict"] == "cannot tell"
     none = replace(alone, columns={name: own for name, own in alone.columns.items() if name != "baro_m"})
     assert answers_on_sensors([none]) is None

@@ -29,7 +29,7 @@ def log(tmp_path: Path) -> Path:
 def kept(log: Path, raptor: Vehicle) -> Session:
     """The session in the folder of the log: two steps."""
     session = Session(hashes={log: sha256_of(log)}).with_logs([log]).begun_with(Model(raptor))
-    session = session.climbed(session.rungs[0]).judged(0.1)
+    session = session.extended(session.sequence[0]).judged(0.1)
     (log.parent / AUTOSAVED).write_text(session_to_yaml(session))
     return session
 
@@ -42,7 +42,7 @@ def test_with_the_same_log_or_without_one_it_goes_on(kept: Session, log: Path, r
     for start in (begun(raptor, log), begun(raptor)):
         found = kept_session(log.parent, start, model_given=False)
         assert found is not None
-        assert (found.logs, found.current, found.rungs[1].error_m_s2) == ((log,), 1, 0.1)
+        assert (found.logs, found.current, found.sequence[1].error_m_s2) == ((log,), 1, 0.1)
 
 
 def test_with_another_log_another_session_begins(kept: Session, log: Path, raptor: Vehicle) -> None:
@@ -126,8 +126,8 @@ class TestEarlierSessions:
     """Those that are kept beside the present one, by what a person knows them by."""
 
     def test_each_is_known_by_its_flights_its_model_and_its_error(self, kept: Session, log: Path) -> None:
-        model = kept.rungs[0].model.plus(Exponential(a=0.3, b=5.0))
-        session = kept.climbed(replace(kept.rungs[0], model=model)).judged(0.0312)
+        model = kept.sequence[0].model.plus(Exponential(a=0.3, b=5.0))
+        session = kept.extended(replace(kept.sequence[0], model=model)).judged(0.0312)
         (log.parent / "previous.lab.yaml").write_text(session_to_yaml(session))
         (one,) = earlier_sessions(log.parent)  # the present one is none of them
         assert (one.path.name, one.title) == ("previous.lab.yaml", "flight.csv")

@@ -403,8 +403,8 @@ def test_how_fast_the_page_is_on_a_real_flight(browser: Browser, tmp_path: Path)
 def test_pictures_of_every_part(
     browser: Browser, flown: Path, session: Path, tmp_path: Path, size: dict[str, int], theme: str
 ) -> None:
-    climbed, hidden = one_step_up(session), flown.with_name("hidden.yaml")
-    with served(tmp_path / "lab", "--session", str(climbed), "--hidden", str(hidden)) as (url, _):
+    extended, hidden = one_step_up(session), flown.with_name("hidden.yaml")
+    with served(tmp_path / "lab", "--session", str(extended), "--hidden", str(hidden)) as (url, _):
         visitor = Visitor(browser, url, size, theme)
         visitor.sees("#error-now")
         stand_on(visitor, "rigid body")

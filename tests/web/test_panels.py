@@ -23,7 +23,9 @@ from quadctl.effects.payload import MassStep
 from quadctl.effects.thrust_scale import ConstantScale
 from quadctl.lab.comparison.failures import Failure, Stretch
 from quadctl.lab.comparison.remainder import Remainder
-from quadctl.lab.comparison.wording import agreement_in_short, agreement_parts, number, quantity, share_of_g
+from quadctl.lab.comparison.wording import number, quantity, share_of_g
+from quadctl.lab.finding import Finding
+from quadctl.lab.finding import Kind as Found
 from quadctl.lab.fitting.fitted_model import fit_model
 from quadctl.lab.fitting.nuisances import BOUND, KINDS
 from quadctl.lab.flights.dataset import Dataset, load_dataset
@@ -34,6 +36,7 @@ from quadctl.lab.selection.diagnosis import diagnose
 from quadctl.lab.selection.evidence import evidence_for
 from quadctl.lab.selection.unseen import UnseenError
 from quadctl.lab.study import Study
+from quadctl.lab.verdict import Statement
 from quadctl.logs.findings import Kind, finding
 from quadctl.logs.flight_log import FlightLog
 from quadctl.logs.quality import quality
@@ -43,25 +46,28 @@ from quadctl.web.elements.theme import DARK, LIGHT
 from quadctl.web.figures.ratio import ratio_over_height
 from quadctl.web.page.page import TABS, Page
 from quadctl.web.panels.choices import Choices
-from quadctl.web.panels.compensator import answer_in_words, doubts_in_words, far_in_words
-from quadctl.web.panels.evidence import chosen_of, rival_of
+from quadctl.web.panels.compensator import answer, doubts, far
+from quadctl.web.panels.evidence import rival_of
 from quadctl.web.panels.fails import Failures
 from quadctl.web.panels.glossary import GLOSSARY
 from quadctl.web.panels.help import KEYS
 from quadctl.web.panels.overview import as_drawn, beside_the_motion
 from quadctl.web.panels.panel import Controls, Panel
-from quadctl.web.panels.stack import BEYOND, NUISANCES, SAME_CAUSE, apart_in_words, kind_in_words, limited_in_words
+from quadctl.web.panels.stack import BEYOND, NUISANCES, SAME_CAUSE, apart, at_limits, kind_of
 from quadctl.web.panels.verdict import OF_BLOCKS, Verdict, on_whole_flights
 from quadctl.web.panels.view import OWNERS, View, owner_of
+from quadctl.web.panels.words import Said
 from quadctl.web.session.findings import Diagnosed, Findings
 from quadctl.web.session.history import History
-from quadctl.web.session.session import Rung, Session
+from quadctl.web.session.session import Session, Step
+from quadctl.web.work.doubts import Doubt
 from quadctl.web.work.jobs import Opened
 from quadctl.web.work.reading import OpenedLog
 from quadctl.web.work.simulated import FAR, WITH, WITHOUT
 from quadctl.web.work.state import Gathered, Message, Results, Work
 from quadctl.web.workbench.intake import Intake
 from quadctl.web.workbench.workbench import Workbench
+from quadctl.words import fact
 from tests.support.flights import obedient
 from tests.support.places import ROOT, VEHICLES
 
@@ -170,7 +176,7 @@ def views(raptor: Vehicle) -> dict[str, View]:
     effect = found.diagnosis.steps[1].effect
     gathered = Gathered(evidence_for(effect, fit_model(found.diagnosis.best, dataset)), found)
     session = Session().with_logs([Path(log.name) for log in logs]).begun_with(rigid).judged(0.4)
-    session = session.climbed(Rung("+ ground_effect.exponential", truth)).judged(0.1, 0.05)
+    session = session.extended(Step("+ ground_effect.exponential", truth)).judged(0.1, 0.05)
     results = Results(evaluation, found, checked=())
     view = View(
         session=session,
@@ -194,7 +200,7 @@ def views(raptor: Vehicle) -> dict[str, View]:
     searching = replace(view, search=Work("Looking"), results=replace(results, found=None, before=found))
     working = replace(view, work=Work("Fitting"))
     empty = replace(view, session=Session(), opened=Opened(), results=Results())
-    suggestion = SimpleNamespace(best=None, reasons=list, lines=lambda: ["this mission tells most"])
+    suggestion = SimpleNamespace(best=None, reasons=(), answer=("this mission tells most",))
 
     def chosen(**changes: Any) -> dict[str, Any]:
         return {"choices": replace(view.choices, **changes)}
@@ -202,7 +208,7 @@ def views(raptor: Vehicle) -> dict[str, View]:
     asked = chosen(evidence=gathered.evidence.effect.name)
     changed: dict[str, dict[str, Any]] = {
         "another step": {"session": session.at(0)},
-        "one more step": {"session": session.climbed(Rung("refitted", truth))},
+        "one more step": {"session": session.extended(Step("refitted", truth))},
         "an error that became known": {"session": session.judged(0.09, 0.04)},
         "an effect switched off": {"session": session.switched("ground_effect.exponential")},
         "another vehicle": {"session": session.begun_with(Model(raptor.model_copy(update={"name": "other"})))},
@@ -210,7 +216,9 @@ def views(raptor: Vehicle) -> dict[str, View]:
         "another cross-validation": {"session": replace(session, hold_out="flights")},
         "a log that cannot be used": {"opened": replace(opened, logs=[OpenedLog(Path("x.csv"), problem="no log")])},
         "a log of another vehicle": {
-            "opened": replace(opened, logs=[replace(opened.logs[0], doubt="This flight says 1.9 kg"), opened.logs[1]])
+            "opened": replace(
+                opened, logs=[replace(opened.logs[0], doubt=fact(Doubt.MASS, said_kg=1.9, mass_kg=1.5)), opened.logs[1]]
+            )
         },
         "a log with a gap": {"opened": replace(opened, seen=load_dataset([_with_a_gap(logs[0])], raptor))},
         "no flight that can be used": {"opened": replace(opened, seen=None)},
@@ -306,26 +314,26 @@ def _of_half_the_mass(dataset: Dataset, vehicle: Vehicle) -> Dataset:
 
 def _with_assumed_thrust(session: Session) -> Session:
     """The same session, if nobody had measured the thrust coefficient, with a thrust scale in the model."""
-    rungs = []
-    for rung in session.rungs:
-        vehicle = rung.model.vehicle.model_copy(update={"assumed": ("rotor.thrust_n_per_rpm2",)})
-        rungs.append(replace(rung, model=replace(rung.model, vehicle=vehicle).plus(ConstantScale(1.1))))
-    return replace(session, rungs=tuple(rungs))
+    sequence = []
+    for step in session.sequence:
+        vehicle = step.model.vehicle.model_copy(update={"assumed": ("rotor.thrust_n_per_rpm2",)})
+        sequence.append(replace(step, model=replace(step.model, vehicle=vehicle).plus(ConstantScale(1.1))))
+    return replace(session, sequence=tuple(sequence))
 
 
 def _with_a_drop(session: Session) -> Session:
     """The same session, if the model held a drop in the second of two flights that stood in another order."""
-    rung = session.rungs[1]
+    step = session.sequence[1]
     drop = StackedEffect(MassStep(-0.1, 9.0, flight=2.0), Provenance(logs=("1.csv", "0.csv")))
-    model = replace(rung.model, stack=(*rung.model.stack, drop))
-    return replace(session, rungs=(session.rungs[0], replace(rung, model=model)))
+    model = replace(step.model, stack=(*step.model.stack, drop))
+    return replace(session, sequence=(session.sequence[0], replace(step, model=model)))
 
 
 def _fitted_to(session: Session, logs: tuple[str, ...]) -> Session:
     """The same session, if the effects had been fitted to these flights."""
-    rung = session.rungs[1]
-    stack = tuple(replace(item, fitted=Provenance(logs=logs)) for item in rung.model.stack)
-    return replace(session, rungs=(session.rungs[0], replace(rung, model=replace(rung.model, stack=stack))))
+    step = session.sequence[1]
+    stack = tuple(replace(item, fitted=Provenance(logs=logs)) for item in step.model.stack)
+    return replace(session, sequence=(session.sequence[0], replace(step, model=replace(step.model, stack=stack))))
 
 
 def _nothing_found(view: View, error_m_s2: float, floor_m_s2: float, verdict: lab_diagnosis.Verdict = "none") -> View:
@@ -339,6 +347,12 @@ def _nothing_found(view: View, error_m_s2: float, floor_m_s2: float, verdict: la
     comparison = replace(evaluation.comparison, noise_floor={"total": floor_m_s2})
     results = replace(results, evaluation=replace(evaluation, comparison=comparison))
     return replace(view, session=session, results=results)
+
+
+def stated(view: View) -> Statement:
+    said = Verdict.of(view).statement
+    assert said is not None
+    return said
 
 
 def _steps() -> Any:
@@ -531,7 +545,7 @@ class TestOpenTab:
     def test_values_of_single_flights_that_are_used_for_others_are_told(
         self, views: dict[str, View], tabs: Callable[[str, View], OpenTab]
     ) -> None:
-        said = "Payload.step holds values of 1.csv, 0.csv, which are used in this order for 0.csv, 1.csv."
+        said = "payload.step holds values of 1.csv, 0.csv, which are used in this order for 0.csv, 1.csv."
         assert said in str(tabs("time", views["values of other flights"]).shown)
         assert views["at first"].of_other_flights == ()
 
@@ -648,7 +662,7 @@ class TestOpenTab:
         self, views: dict[str, View], tabs: Callable[[str, View], OpenTab]
     ) -> None:
         asked = str(tabs("flights", views["a log of another vehicle"]).shown)
-        assert "0.csv: This flight says 1.9 kg. Use it anyway?" in asked
+        assert "0.csv: This flight says 1.9 kg, the vehicle has 1.5 kg. Use it anyway?" in asked
         at_first = str(tabs("flights", views["at first"]).shown)
         assert asked.count("check_circle") == at_first.count("check_circle") - 1
 
@@ -701,7 +715,7 @@ class TestOpenTab:
         ):
             assert guess in shown
 
-    def test_the_trim_of_a_flight_that_no_fit_has_seen_is_in_its_error_and_the_words_say_so(
+    def test_the_bias_of_a_flight_that_no_fit_has_seen_is_in_its_error_and_the_words_say_so(
         self, views: dict[str, View], tabs: Callable[[str, View], OpenTab]
     ) -> None:
         view = views["at first"]
@@ -709,36 +723,35 @@ class TestOpenTab:
         whole = replace(view.opened.seen, hold_out="flights")
         found = Study(view.session.model, whole).evaluate()
         there = replace(view, opened=replace(view.opened, seen=whole), results=Results(found))
-        assert kind_in_words(found).endswith("per-flight bias included")
+        assert str(kind_of(found)).endswith("per-flight bias included")
         blocks, flights = (str(tabs("missing", each).shown) for each in (view, there))
         assert " included: on held-out flights" in flights and "apart from the" not in flights
         assert ", apart from the " in blocks and " included" not in blocks
 
-    def test_trims_at_their_limit_are_named_with_their_flights(self, views: dict[str, View]) -> None:
+    def test_biases_at_their_limit_are_named_with_their_flights(self, views: dict[str, View]) -> None:
         evaluation = views["at first"].results.evaluation
         assert evaluation is not None
-        assert limited_in_words(evaluation, None) == ""
+        assert at_limits(evaluation, None) == []
         nuisances = evaluation.solution.optimum.nuisances.copy()
         nuisances[1, 0] = BOUND[0]
         optimum = replace(evaluation.solution.optimum, nuisances=nuisances)
         limited = replace(evaluation, solution=replace(evaluation.solution, optimum=optimum))
-        said = "At the limit of what is usual for a flight: thrust (1.csv)."
-        assert limited_in_words(limited, None) == said
+        (at_limit,) = at_limits(limited, None)
+        assert str(at_limit) == "At the limit of what is usual for a flight: thrust (1.csv)."
         found = views["at first"].results.found
         assert found is not None
-        beyond = " More than that would be a thrust scale, which these data do not establish (p 0.04)."
-        for p_value, more in ((0.04, beyond), (1e-5, "")):
+        for p_value, more in ((0.04, [fact(Said.MORE_IS, family="thrust_scale", p=0.04)]), (1e-5, [])):
             candidate = replace(found.diagnosis.ranking[0], effect=ConstantScale(0.98), p_value=p_value)
             tried = replace(found, diagnosis=replace(found.diagnosis, ranking=[candidate]))
-            assert limited_in_words(limited, tried) == said + more
+            assert at_limits(limited, tried) == [at_limit, *more]
 
     def test_whether_the_flights_agree_is_said_beside_the_error_and_where_the_model_fails(
         self, views: dict[str, View], tabs: Callable[[str, View], OpenTab]
     ) -> None:
         evaluation = views["at first"].results.evaluation
         assert evaluation is not None and evaluation.agreement is not None
-        assert agreement_in_short(evaluation.agreement) in str(tabs("missing", views["at first"]).shown)
-        first, *more = agreement_parts(evaluation.agreement)
+        assert str(evaluation.agreement.answer) in str(tabs("missing", views["at first"]).shown)
+        first, *more = map(str, evaluation.agreement.parts)
         shown = str(tabs("fails", views["at first"]).shown)
         assert all(part.rstrip(".")[1:] in shown for part in (first, *more))
 
@@ -800,16 +813,16 @@ class TestOpenTab:
             shown = str(tabs("missing", choosing(view, axis=other)).shown)
             assert f"It is largest {worst}: {quantity(errors[worst])}." in shown
 
-    def test_a_line_that_is_drawn_without_the_trim_says_how_far_it_is_off(self, views: dict[str, View]) -> None:
+    def test_a_line_that_is_drawn_without_the_bias_says_how_far_it_is_off(self, views: dict[str, View]) -> None:
         flight = views["at first"].flight
         assert flight is not None
         vehicle = flight.vehicle
         light = Model(vehicle.model_copy(update={"mass_kg": 0.9 * vehicle.mass_kg}))
-        assert as_drawn(0.1, light, flight, "north") == ""  # thrust is upright
-        said = as_drawn(0.1, light, flight, "up")
-        (off,) = re.findall(r"off by ([\d.]+) m/s² up\.", said)
-        assert float(off) == pytest.approx(9.81 / 0.9 - 9.81, abs=0.3)  # the rotors carry 1 / 0.9 of the weight
-        assert as_drawn(float(off), light, flight, "up") == ""
+        assert as_drawn(0.1, light, flight, "north") == []  # thrust is upright
+        (said,) = as_drawn(0.1, light, flight, "up")
+        off = said.facts["off_m_s2"]
+        assert off == pytest.approx(9.81 / 0.9 - 9.81, abs=0.3)  # the rotors carry 1 / 0.9 of the weight
+        assert as_drawn(off, light, flight, "up") == []
 
     def test_of_a_flight_that_hardly_moves_it_is_said_that_no_model_would_be_closer(
         self, views: dict[str, View]
@@ -819,8 +832,9 @@ class TestOpenTab:
         assert view.flight is not None
         measured = view.flight.measured
         moves = float(np.sqrt(np.mean(measured[:, 2] ** 2)))
-        assert beside_the_motion(0.9 * moves, view.flight, "up") == ""
-        assert f"it is {quantity(moves)} up (RMS)" in beside_the_motion(1.1 * moves, view.flight, "up")
+        assert beside_the_motion(0.9 * moves, view.flight, "up") == []
+        (said,) = beside_the_motion(1.1 * moves, view.flight, "up")
+        assert said.facts["moves_m_s2"] == pytest.approx(moves)
 
     def test_what_an_added_effect_looks_like_stays_on_its_card(
         self, views: dict[str, View], tabs: Callable[[str, View], OpenTab]
@@ -828,11 +842,11 @@ class TestOpenTab:
         view = views["at first"]
         warning = "Looks like thrust scale: these data do not distinguish them."
         assert warning not in str(tabs("missing", view).shown)
-        first, *later = view.session.rungs
+        first, *later = view.session.sequence
         found = Findings({"ranking": [], "confounded": [["ground_effect", "thrust_scale"]]})
-        session = replace(view.session, rungs=(replace(first, found=found), *later))
+        session = replace(view.session, sequence=(replace(first, found=found), *later))
         assert warning in str(tabs("missing", replace(view, session=session)).shown)
-        assert session.at(0).look_alikes == {}
+        assert session.at(0).confounded == {}
 
     def test_a_model_outlives_its_flights(self, views: dict[str, View], tabs: Callable[[str, View], OpenTab]) -> None:
         empty, session = views["nothing yet"], views["at first"].session
@@ -901,19 +915,15 @@ class TestOpenTab:
         tab.choose(axis="east")
         tab.follow(choosing(view, axis="east"))
         assert tab.choices.axis == "east"
-        rung = view.session.rungs[0]
-        named = replace(rung.model, vehicle=rung.model.vehicle.model_copy(update={"name": "another"}))
-        tab.follow(replace(view, session=replace(view.session, rungs=(replace(rung, model=named),), current=0)))
+        step = view.session.sequence[0]
+        named = replace(step.model, vehicle=step.model.vehicle.model_copy(update={"name": "another"}))
+        tab.follow(replace(view, session=replace(view.session, sequence=(replace(step, model=named),), current=0)))
         assert tab.choices.axis == ""
 
-    def test_no_tick_for_a_model_that_knows_what_is_held_out(
-        self, views: dict[str, View], tabs: Callable[[str, View], OpenTab]
-    ) -> None:
+    def test_no_tick_for_a_model_that_knows_what_is_held_out(self, views: dict[str, View]) -> None:
         view = views["a fit to a flight before it was held out"]
-        nothing = _nothing_found(view, error_m_s2=0.19, floor_m_s2=0.186)
-        shown = str(tabs("missing", nothing).shown)
-        assert "No further effect is missing, but the model is fitted to 1.csv, which is held out." in shown
-        assert "Nothing significant is missing." not in shown
+        found = stated(_nothing_found(view, error_m_s2=0.19, floor_m_s2=0.186)).verdict
+        assert found == Finding(Found.NONE_BUT_FITTED_TO_HELD_OUT, {"flights": ["1.csv"]})
 
     def test_an_offset_at_its_limit_is_marked(
         self, views: dict[str, View], tabs: Callable[[str, View], OpenTab]
@@ -940,7 +950,7 @@ class TestOpenTab:
         view = views["at first"]
         evaluation = view.results.evaluation
         assert evaluation is not None
-        assert apart_in_words(evaluation) == ""
+        assert apart(evaluation) == []
         optimum = evaluation.solution.optimum
         fitted = np.zeros_like(optimum.nuisances)
         fitted[0, 0], fitted[1, 0] = 0.015, -0.015
@@ -962,16 +972,14 @@ class TestOpenTab:
             UnseenError("blocks", {"total": 1.63}, {"total": 0.443}),
             UnseenError("flights", {"total": 1.64}, {"total": 0.61}),
         ]
-        assert on_whole_flights(unseen) == (
-            " With all that is missing, the error with whole flights held out is 0.610 m/s² instead of 1.64 m/s²; "
-            "on blocks of time it is 0.443 m/s²."
-        )
-        assert on_whole_flights(unseen[:1]) == ""
+        (found,) = on_whole_flights(unseen)
+        assert found.facts == {"same": False, "before": 1.64, "after": 0.61, "on_blocks": 0.443}
+        assert on_whole_flights(unseen[:1]) == []
 
     def test_another_form_of_an_effect_lost_against_that_effect(self, views: dict[str, View]) -> None:
         found = views["at first"].results.found
         assert found is not None
-        (chosen,) = chosen_of(found.diagnosis)
+        (chosen,) = found.diagnosis.chosen
         other = next(c for c in found.diagnosis.ranking if c.family == chosen.family and c is not chosen)
         first = replace(other, effect=AxialInflow())
         assert rival_of(other, [first, chosen]) is chosen
@@ -981,7 +989,9 @@ class TestOpenTab:
     def test_of_every_offset_in_the_table_it_is_said_what_more_would_be(self) -> None:
         assert {SAME_CAUSE.get(name, name) for name in NUISANCES} == set(BEYOND)
 
-    def test_a_look_alike_says_of_what(self, views: dict[str, View], tabs: Callable[[str, View], OpenTab]) -> None:
+    def test_a_confounded_effect_says_of_what(
+        self, views: dict[str, View], tabs: Callable[[str, View], OpenTab]
+    ) -> None:
         view = views["at first"]
         assert view.results.found is not None
         diagnosis = view.results.found.diagnosis
@@ -1009,8 +1019,8 @@ class TestOpenTab:
         view = views["at first"]
         assert view.session.model is not None and view.opened.seen is not None
         scaled = view.session.model.plus(ConstantScale(0.87))
-        assert "Far from the ground the model gives the rotors 0.870 times the thrust" in far_in_words(scaled)
-        assert "factor 1" in far_in_words(view.session.model)
+        assert far(scaled).kind is Said.FACTOR and far(scaled).facts["factor"] == pytest.approx(0.87, abs=1e-4)
+        assert far(view.session.model).kind is Said.FACTOR_ONE
         own, without = (
             next(
                 curve["y"]
@@ -1045,23 +1055,23 @@ class TestOpenTab:
         without = SimpleNamespace(m_b_absolute=0.249, rmse_m=0.148)
         compensated = SimpleNamespace(m_b_absolute=0.078, rmse_m=0.144)
         steps = cast(Any, SimpleNamespace(flown={WITHOUT: without, WITH: compensated}))
-        said = answer_in_words(model, steps)
+        said = str(answer(model, steps))
         assert said.startswith("Better with the compensator: what the ground does to the flight, which is")
         assert "changes by \u221269% (M_B from 0.249 to 0.078 m s)." in said and "changes by \u22123% (RMSE)." in said
         worse = cast(Any, SimpleNamespace(flown={WITHOUT: compensated, WITH: without}))
-        assert answer_in_words(model, worse).startswith("Not better with the compensator")
+        assert str(answer(model, worse)).startswith("Not better with the compensator")
         flat = replace(model, stack=()).plus(ConstantScale(1.2))
-        assert answer_in_words(flat, worse).startswith("This model has no effect of the ground")
+        assert answer(flat, worse) == fact(Said.NO_GROUND)
 
     def test_a_compensator_for_what_may_be_another_effect_is_not_just_accepted(self, views: dict[str, View]) -> None:
         model = views["at first"].session.model
         assert model is not None
         scaled = replace(model, stack=()).plus(ConstantScale(1.2))
-        (doubt,) = doubts_in_words(scaled, {"thrust_scale": ("battery_sag",)})
-        assert doubt.startswith("The flights do not tell whether it is thrust scale or battery sag.")
-        assert doubts_in_words(scaled, {}) == []
+        (doubt,) = doubts(scaled, {"thrust_scale": ("battery_sag",)})
+        assert doubt.facts["families"] == ("thrust_scale", "battery_sag")
+        assert doubts(scaled, {}) == []
         both = scaled.plus(Exponential(0.1, 2.0))
-        assert doubts_in_words(both, {"thrust_scale": ("ground_effect",)}) == []  # it corrects for both
+        assert doubts(both, {"thrust_scale": ("ground_effect",)}) == []  # it corrects for both
 
     def test_a_measure_that_changes_its_sign_has_no_change_in_percent(
         self, views: dict[str, View], tabs: Callable[[str, View], OpenTab]
@@ -1147,35 +1157,26 @@ class TestOpenTab:
         assert "Nothing significant is missing." in near and "check_circle" in near
         assert "An error of 0.200 m/s² remains, 8% above the " in near
 
-    def test_a_model_that_is_fitted_to_other_flights_gets_no_tick(
-        self, tabs: Callable[[str, View], OpenTab], views: dict[str, View]
-    ) -> None:
+    def test_a_model_that_is_fitted_to_other_flights_gets_no_tick(self, views: dict[str, View]) -> None:
         """The errors of a search are those of refits: the model as it stands may be far off."""
         view = _nothing_found(views["a fit to one of the flights"], error_m_s2=0.2, floor_m_s2=0.186)
-        said = str(tabs("missing", view).shown)
-        assert "No further effect is missing, but the model is fitted to 0.csv only." in said
-        assert "Nothing significant is missing" not in said
+        assert stated(view).verdict == Finding(Found.NONE_BUT_FITTED_TO_OTHERS, {"flights": ["0.csv"]})
 
+    @pytest.mark.parametrize(("error_m_s2", "kind"), [(0.441, Found.LITTLE_UNEXPLAINED), (0.9, Found.UNEXPLAINED)])
     def test_what_no_effect_explains_is_called_little_where_it_is(
-        self, views: dict[str, View], tabs: Callable[[str, View], OpenTab]
+        self, error_m_s2: float, kind: Found, views: dict[str, View]
     ) -> None:
-        view = _nothing_found(views["at first"], error_m_s2=0.441, floor_m_s2=0.428, verdict="unexplained")
-        assert "A little is left that no known effect explains." in str(tabs("missing", view).shown)
-        view = _nothing_found(views["at first"], error_m_s2=0.9, floor_m_s2=0.428, verdict="unexplained")
-        assert "Something is missing that no known effect explains." in str(tabs("missing", view).shown)
+        view = _nothing_found(views["at first"], error_m_s2, floor_m_s2=0.428, verdict="unexplained")
+        assert stated(view).verdict.kind is kind
 
-    def test_a_larger_error_on_a_held_out_flight_is_said_beside_the_verdict(
-        self, views: dict[str, View], tabs: Callable[[str, View], OpenTab]
-    ) -> None:
+    def test_a_larger_error_on_a_held_out_flight_is_said_beside_the_verdict(self, views: dict[str, View]) -> None:
         view = _nothing_found(views["at first"], error_m_s2=0.567, floor_m_s2=0.246)
         evaluation = view.results.evaluation
         assert evaluation is not None
         judged = replace(evaluation, unseen=replace(evaluation.comparison, rmse={"total": 0.567}))
-        view = replace(view, results=replace(view.results, evaluation=judged))
-        shown = str(tabs("missing", view).shown)
-        assert "No known effect is missing in 0.csv and 1.csv; the held-out error is larger." in shown
-        assert "An error of 0.567 m/s² remains on the held-out 0.csv and 1.csv." in shown
-        assert "check_circle" not in shown
+        found = stated(replace(view, results=replace(view.results, evaluation=judged)))
+        assert found.verdict == Finding(Found.NONE_BUT_LARGER_HELD_OUT, {"flights": ["0.csv", "1.csv"]})
+        assert found.more[-1].facts["flights"] == ["0.csv", "1.csv"]
 
     def test_the_error_is_said_in_words(self, views: dict[str, View], tabs: Callable[[str, View], OpenTab]) -> None:
         evaluation = views["at first"].results.evaluation

@@ -33,12 +33,13 @@ from quadctl.web.elements.theme import DARK, LIGHT
 from quadctl.web.figures.downsample import POINTS, downsampled
 from quadctl.web.figures.error_map import CLOUD, error_map
 from quadctl.web.figures.path import path_figure
-from quadctl.web.figures.profile import profile_figure, share_in_words
+from quadctl.web.figures.profile import profile_figure
 from quadctl.web.figures.ratio import ratio_over_height
 from quadctl.web.figures.timeline import full_timeline
+from quadctl.web.panels.fails import share_of
 from quadctl.web.session.files import keep_expression, own_effects, places_of, require_inside, upload_path
 from quadctl.web.session.findings import Findings, require_formula
-from quadctl.web.session.session import Rung, Session, load_session, session_to_yaml
+from quadctl.web.session.session import Session, Step, load_session, session_to_yaml
 from quadctl.web.work import jobs
 from quadctl.web.work.predictions import predictions
 from quadctl.web.work.reading import log_names
@@ -50,75 +51,75 @@ A, B = Path("a.csv"), Path("b.csv")
 
 
 @pytest.fixture
-def climbed(raptor: Vehicle) -> Session:
-    """Two logs, and a ladder of three steps whose last one is where we stand."""
+def extended(raptor: Vehicle) -> Session:
+    """Two logs, and a sequence of three steps whose last one is where we stand."""
     rigid = Model(raptor)
     cushion = rigid.plus(Exponential(a=0.3, b=5.0))
     session = Session().with_logs([A, B]).begun_with(rigid).judged(0.4)
-    session = session.climbed(Rung("+ ground_effect.exponential", cushion)).judged(0.1)
-    return session.climbed(Rung("refitted", cushion)).judged(0.09)
+    session = session.extended(Step("+ ground_effect.exponential", cushion)).judged(0.1)
+    return session.extended(Step("refitted", cushion)).judged(0.09)
 
 
 class TestSession:
-    def test_going_back_and_adding_again_leaves_what_was_above_behind(self, climbed: Session) -> None:
-        again = climbed.at(0).climbed(Rung("+ other", climbed.rungs[1].model))
-        assert [rung.name for rung in again.rungs] == ["rigid body", "+ other"]
+    def test_going_back_and_adding_again_leaves_what_was_above_behind(self, extended: Session) -> None:
+        again = extended.at(0).extended(Step("+ other", extended.sequence[1].model))
+        assert [step.name for step in again.sequence] == ["rigid body", "+ other"]
         assert again.current == 1
 
-    def test_going_back_alone_loses_nothing(self, climbed: Session) -> None:
-        assert climbed.at(0).at(2) == climbed
+    def test_going_back_alone_loses_nothing(self, extended: Session) -> None:
+        assert extended.at(0).at(2) == extended
 
-    def test_an_effect_is_switched_off_and_on_again(self, climbed: Session) -> None:
-        off = climbed.switched("ground_effect.exponential")
+    def test_an_effect_is_switched_off_and_on_again(self, extended: Session) -> None:
+        off = extended.switched("ground_effect.exponential")
         assert off.model is not None and off.model.stack == ()
-        assert off.switched("ground_effect.exponential").model == climbed.model
+        assert off.switched("ground_effect.exponential").model == extended.model
 
-    def test_other_flights_make_all_errors_unknown(self, climbed: Session) -> None:
-        assert [rung.error_m_s2 for rung in climbed.with_role(B, unseen=True).rungs] == [None, None, None]
+    def test_other_flights_make_all_errors_unknown(self, extended: Session) -> None:
+        assert [step.error_m_s2 for step in extended.with_role(B, unseen=True).sequence] == [None, None, None]
 
-    def test_the_noise_floor_is_the_least_that_any_step_has_shown(self, climbed: Session, tmp_path: Path) -> None:
-        assert climbed.floor_m_s2 is None
-        session = climbed.judged(0.09, 0.05).at(0).judged(0.4, 0.16)
+    def test_the_noise_floor_is_the_least_that_any_step_has_shown(self, extended: Session, tmp_path: Path) -> None:
+        assert extended.floor_m_s2 is None
+        session = extended.judged(0.09, 0.05).at(0).judged(0.4, 0.16)
         path = tmp_path / "session.lab.yaml"
         path.write_text(session_to_yaml(session))
         assert session.floor_m_s2 == load_session(path).floor_m_s2 == 0.05
         assert session.unjudged().floor_m_s2 is None
 
-    def test_not_all_flights_can_be_held_out(self, climbed: Session) -> None:
-        held = climbed.with_role(A, unseen=True)
+    def test_not_all_flights_can_be_held_out(self, extended: Session) -> None:
+        held = extended.with_role(A, unseen=True)
         assert held.unseen == {A}
         with pytest.raises(SettingsError, match="at least one"):
             held.with_role(B, unseen=True)
 
-    def test_a_file_gives_the_session_back(self, climbed: Session, tmp_path: Path) -> None:
-        session = climbed.with_role(B, unseen=True).judged(0.09).at(1)
+    def test_a_file_gives_the_session_back(self, extended: Session, tmp_path: Path) -> None:
+        session = extended.with_role(B, unseen=True).judged(0.09).at(1)
         path = tmp_path / "session.lab.yaml"
         path.write_text(session_to_yaml(session))
         again = load_session(path)
         assert [log.resolve() for log in again.logs] == [log.resolve() for log in session.logs]
         assert again.unseen == {B.resolve()}
-        assert [(r.name, r.error_m_s2, r.model.effects) for r in again.rungs] == [
-            (r.name, r.error_m_s2, r.model.effects) for r in session.rungs
+        assert [(r.name, r.error_m_s2, r.model.effects) for r in again.sequence] == [
+            (r.name, r.error_m_s2, r.model.effects) for r in session.sequence
         ]
         assert again.current == 1
 
     def test_a_file_holds_the_hashes_of_the_logs_and_the_choices_of_the_tab(
-        self, climbed: Session, tmp_path: Path
+        self, extended: Session, tmp_path: Path
     ) -> None:
         path = tmp_path / "session.lab.yaml"
-        path.write_text(session_to_yaml(replace(climbed, hashes={A: "12ab"}, view="show=time&axis=north")))
+        path.write_text(session_to_yaml(replace(extended, hashes={A: "12ab"}, view="show=time&axis=north")))
         again = load_session(path)
         assert again.hashes == {A.resolve(): "12ab"}
         assert again.view == "show=time&axis=north"
         assert again.without_log(A.resolve()).hashes == {}
 
-    def test_of_one_flight_that_is_left_no_whole_flight_is_held_out_by_turns(self, climbed: Session) -> None:
-        by_flights = replace(climbed, hold_out="flights")
+    def test_of_one_flight_that_is_left_no_whole_flight_is_held_out_by_turns(self, extended: Session) -> None:
+        by_flights = replace(extended, hold_out="flights")
         assert by_flights.without_log(A).hold_out == "blocks"
         more = by_flights.with_logs([Path("c.csv"), Path("d.csv")])
         assert more.without_log(A).hold_out == "flights"
 
-    def test_logs_that_lie_beside_the_session_now_are_found(self, climbed: Session, tmp_path: Path) -> None:
+    def test_logs_that_lie_beside_the_session_now_are_found(self, extended: Session, tmp_path: Path) -> None:
         gone = [Path("/elsewhere/a.csv"), Path("/elsewhere/b.csv")]
         session = Session(hashes={gone[0]: "12ab"}, unseen=frozenset(gone[:1])).with_logs(gone)
         (tmp_path / "a.csv").touch()
@@ -130,16 +131,16 @@ class TestSession:
         path = tmp_path / "found.lab.yaml"
         session = Session().with_logs([A]).begun_with(found.model).searched(found.model, Findings.of(found, {}))
         path.write_text(session_to_yaml(session))
-        rung = load_session(path).rungs[0]
-        assert rung.found is not None
-        again = rung.found.diagnosed(rung.model, found.dataset).diagnosis
+        step = load_session(path).sequence[0]
+        assert step.found is not None
+        again = step.found.diagnosed(step.model, found.dataset).diagnosis
         assert str(again) == str(found)
         assert [is_supported(c) for c in again.ranking] == [is_supported(c) for c in found.ranking]
         assert again.best.effects == found.best.effects
 
     def test_other_flights_make_what_was_found_unknown(self, found: Diagnosis) -> None:
         session = Session().with_logs([A, B]).begun_with(found.model).searched(found.model, Findings.of(found, {}))
-        assert session.with_role(B, unseen=True).rungs[0].found is None
+        assert session.with_role(B, unseen=True).sequence[0].found is None
 
     @pytest.mark.parametrize(
         ("text", "said"),
@@ -240,7 +241,7 @@ class Push(Effect):
 class TestFitOnce:
     """The fit of a model goes with it from action to action."""
 
-    def test_a_step_that_was_climbed_is_evaluated_without_another_fit(
+    def test_a_further_step_is_evaluated_without_another_fit(
         self, raptor: Vehicle, flight: Dataset, monkeypatch: pytest.MonkeyPatch
     ) -> None:
         before = Study(Model(raptor), flight).evaluate()
@@ -253,10 +254,10 @@ class TestFitOnce:
         fit = Fitter.fit
         monkeypatch.setattr(Fitter, "fit", counted)
         study = Study(Model(raptor), flight, None, before.solution)
-        climbed = jobs.climb(Study.add, study, "ground_effect.exponential", progress=quiet)
+        extended = jobs.next_step(Study.add, study, "ground_effect.exponential", progress=quiet)
         assert fitted == [("ground_effect.exponential",)] * 2  # on top of the model, and continued to the minimum
-        assert climbed.evaluation.error_m_s2 == climbed.model.stack[-1].fitted.rmse_after  # type: ignore[union-attr]
-        jobs.look_for(Study(climbed.model, flight, None, climbed.evaluation.solution), quiet)
+        assert extended.evaluation.error_m_s2 == extended.model.stack[-1].fitted.rmse_after  # type: ignore[union-attr]
+        jobs.look_for(Study(extended.model, flight, None, extended.evaluation.solution), quiet)
         assert ("ground_effect.exponential",) not in fitted[2:]
 
     def test_an_effect_of_a_file_stays_known_to_the_model_and_to_the_next_search(
@@ -266,9 +267,9 @@ class TestFitOnce:
         path.write_text(OWN_EFFECT)
         before = Study(Model(raptor), flight).evaluate()
         study = Study(Model(raptor), flight, None, before.solution)
-        climbed = jobs.climb(Study.add, study, str(path), progress=quiet)
-        assert climbed.model.effect_files == (path,)
-        fit = Study(climbed.model, flight, None, climbed.evaluation.solution).fit()
+        extended = jobs.next_step(Study.add, study, str(path), progress=quiet)
+        assert extended.model.effect_files == (path,)
+        fit = Study(extended.model, flight, None, extended.evaluation.solution).fit()
         assert fit.fitter.model.effect_files == (path,)
 
     def test_a_fit_without_its_flights_is_the_same_fit_on_them_again(self, raptor: Vehicle, flight: Dataset) -> None:
@@ -442,7 +443,7 @@ class TestFigures:
         self, figures: list[Figure], compared: Comparison
     ) -> None:
         assert "title" not in figures[1]["layout"]
-        assert "% of the square on this axis" in share_in_words(compared, compared.profiles[0])
+        assert "% of the square on this axis" in str(share_of(compared.profiles[0], compared))
 
     def test_the_name_of_the_band_stands_on_a_ground_of_its_own(self, figures: list[Figure]) -> None:
         (note,) = figures[4]["layout"]["annotations"]

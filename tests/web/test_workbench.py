@@ -31,14 +31,14 @@ from quadctl.logs.quality import ChannelQuality, QualityReport, quality
 from quadctl.model import Model, Provenance, StackedEffect, load_model
 from quadctl.vehicle import Vehicle
 from quadctl.vehicle_draft.draft import draft
-from quadctl.web.panels.compensator import commands_of_a_model, name_of_file
+from quadctl.web.panels.compensator import COMMANDS, name_of_file
 from quadctl.web.panels.vehicle import TYPICAL
 from quadctl.web.session.earlier import PREVIOUS
 from quadctl.web.session.files import sha256_of
 from quadctl.web.session.findings import Diagnosed, Findings
-from quadctl.web.session.session import AUTOSAVED, Rung, Session, load_session, session_to_yaml
+from quadctl.web.session.session import AUTOSAVED, Session, Step, load_session, session_to_yaml
 from quadctl.web.work import jobs, reading, simulated
-from quadctl.web.work.doubts import cautions_of, doubt_beside
+from quadctl.web.work.doubts import Doubt, cautions_of, doubt_beside
 from quadctl.web.work.jobs import Opened
 from quadctl.web.work.simulated import Simulation
 from quadctl.web.work.state import Message, Work
@@ -46,6 +46,7 @@ from quadctl.web.work.worker import LIBRARIES, CancelledError
 from quadctl.web.workbench import desk
 from quadctl.web.workbench.intake import Intake
 from quadctl.web.workbench.workbench import Workbench
+from quadctl.words import fact
 from tests.support.flights import obedient
 from tests.support.log_files import ulog_bytes
 from tests.support.places import RAPTOR, ROOT, VEHICLES
@@ -219,98 +220,98 @@ def test_only_the_message_that_was_read_goes(bench: Workbench) -> None:
 
 class TestUndo:
     @pytest.fixture
-    def climbed(self, bench: Workbench, monkeypatch: pytest.MonkeyPatch) -> Workbench:
+    def extended(self, bench: Workbench, monkeypatch: pytest.MonkeyPatch) -> Workbench:
         """A bench whose model has been given an effect, by a fit that takes no time."""
 
         async def judge(*_: Any) -> None:
             """Nothing is evaluated here."""
 
         monkeypatch.setattr(bench, "_judge", judge)
-        rung = bench.session.rung
-        assert rung is not None
-        added = Rung("+ one", rung.model.plus(Exponential(a=0.3, b=5.0)))
+        step = bench.session.step
+        assert step is not None
+        added = Step("+ one", step.model.plus(Exponential(a=0.3, b=5.0)))
 
-        async def climb(*_: Any) -> None:
-            bench.session = bench.session.climbed(added)
+        async def apply(*_: Any) -> None:
+            bench.session = bench.session.extended(added)
 
-        monkeypatch.setattr(bench, "_climb", climb)
+        monkeypatch.setattr(bench, "_extend", apply)
         asyncio.run(bench.add("one"))
         return bench
 
-    def test_a_change_of_the_model_is_undone_and_redone(self, climbed: Workbench) -> None:
-        after = climbed.session
-        assert climbed.history.can_undo and not climbed.history.can_redo
-        asyncio.run(climbed.undo())
-        assert [rung.name for rung in climbed.session.rungs] == ["rigid body"]
-        assert climbed.history.can_redo and not climbed.history.can_undo
-        asyncio.run(climbed.redo())
-        assert climbed.session == after
+    def test_a_change_of_the_model_is_undone_and_redone(self, extended: Workbench) -> None:
+        after = extended.session
+        assert extended.history.can_undo and not extended.history.can_redo
+        asyncio.run(extended.undo())
+        assert [step.name for step in extended.session.sequence] == ["rigid body"]
+        assert extended.history.can_redo and not extended.history.can_undo
+        asyncio.run(extended.redo())
+        assert extended.session == after
 
-    def test_the_page_is_told_that_what_was_undone_can_be_redone(self, climbed: Workbench) -> None:
+    def test_the_page_is_told_that_what_was_undone_can_be_redone(self, extended: Workbench) -> None:
         shown: list[tuple[bool, bool]] = []
-        climbed.subscribe(lambda: shown.append((climbed.history.can_undo, climbed.history.can_redo)))
-        asyncio.run(climbed.undo())
+        extended.subscribe(lambda: shown.append((extended.history.can_undo, extended.history.can_redo)))
+        asyncio.run(extended.undo())
         assert shown[-1] == (False, True)
-        asyncio.run(climbed.redo())
+        asyncio.run(extended.redo())
         assert shown[-1] == (True, False)
 
-    def test_another_step_is_said_and_can_be_left_by_undo(self, climbed: Workbench) -> None:
-        before = climbed.session
-        asyncio.run(climbed.go(0))
-        assert climbed.message is not None and climbed.message.undo
+    def test_another_step_is_said_and_can_be_left_by_undo(self, extended: Workbench) -> None:
+        before = extended.session
+        asyncio.run(extended.go(0))
+        assert extended.message is not None and extended.message.undo
         expected = "The model is now that of step 1, rigid body. Later steps stay until something else is added."
-        assert climbed.message.text == expected
-        asyncio.run(climbed.undo())
-        assert climbed.session == before
-        assert climbed.message.text == "The model is now that of step 2, + one."
+        assert extended.message.text == expected
+        asyncio.run(extended.undo())
+        assert extended.session == before
+        assert extended.message.text == "The model is now that of step 2, + one."
 
-    def test_an_effect_that_was_switched_off_is_on_again(self, climbed: Workbench) -> None:
-        before = climbed.session
-        asyncio.run(climbed.switch("ground_effect.exponential"))
-        assert climbed.session.off
-        asyncio.run(climbed.undo())
-        assert climbed.session == before
+    def test_an_effect_that_was_switched_off_is_on_again(self, extended: Workbench) -> None:
+        before = extended.session
+        asyncio.run(extended.switch("ground_effect.exponential"))
+        assert extended.session.off
+        asyncio.run(extended.undo())
+        assert extended.session == before
 
-    def test_a_new_change_ends_the_redo(self, climbed: Workbench) -> None:
-        asyncio.run(climbed.undo())
-        asyncio.run(climbed.add("another"))
-        assert climbed.history.can_undo and not climbed.history.can_redo
+    def test_a_new_change_ends_the_redo(self, extended: Workbench) -> None:
+        asyncio.run(extended.undo())
+        asyncio.run(extended.add("another"))
+        assert extended.history.can_undo and not extended.history.can_redo
 
     def test_another_vehicle_takes_the_effects_away_and_undo_brings_them_back(
-        self, climbed: Workbench, tmp_path: Path, raptor: Vehicle
+        self, extended: Workbench, tmp_path: Path, raptor: Vehicle
     ) -> None:
-        before, other = climbed.session, tmp_path / "other.yaml"
+        before, other = extended.session, tmp_path / "other.yaml"
         heavier = raptor.model_copy(update={"name": "other", "mass_kg": 2.0})
         other.write_text(yaml.safe_dump(heavier.model_dump(mode="json", exclude_none=True)), encoding="utf-8")
-        asyncio.run(climbed.begin_with(other))
-        assert climbed.session.model is not None and not climbed.session.model.effects
-        assert climbed.message is not None and climbed.message.undo
-        assert climbed.message.text == "The model is now other; ground_effect.exponential went with the one before."
-        asyncio.run(climbed.undo())
-        assert climbed.session.rungs == before.rungs
-        asyncio.run(climbed.redo())
-        assert climbed.session.model is not None and climbed.session.model.vehicle.mass_kg == 2.0
+        asyncio.run(extended.begin_with(other))
+        assert extended.session.model is not None and not extended.session.model.effects
+        assert extended.message is not None and extended.message.undo
+        assert extended.message.text == "The model is now other; ground_effect.exponential went with the one before."
+        asyncio.run(extended.undo())
+        assert extended.session.sequence == before.sequence
+        asyncio.run(extended.redo())
+        assert extended.session.model is not None and extended.session.model.vehicle.mass_kg == 2.0
 
-    def test_a_change_is_undone_after_other_flights_were_opened_and_they_stay(self, climbed: Workbench) -> None:
-        asyncio.run(climbed.open_logs([Path("a.csv")]))
-        asyncio.run(climbed.undo())
-        assert [rung.name for rung in climbed.session.rungs] == ["rigid body"]
-        assert climbed.session.logs == (Path("a.csv"),)
-        asyncio.run(climbed.redo())
-        assert climbed.session.logs == (Path("a.csv"),) and len(climbed.session.rungs) == 2
+    def test_a_change_is_undone_after_other_flights_were_opened_and_they_stay(self, extended: Workbench) -> None:
+        asyncio.run(extended.open_logs([Path("a.csv")]))
+        asyncio.run(extended.undo())
+        assert [step.name for step in extended.session.sequence] == ["rigid body"]
+        assert extended.session.logs == (Path("a.csv"),)
+        asyncio.run(extended.redo())
+        assert extended.session.logs == (Path("a.csv"),) and len(extended.session.sequence) == 2
 
-    def test_errors_on_other_flights_do_not_come_back(self, climbed: Workbench) -> None:
-        climbed.session = climbed.session.judged(0.2)
-        asyncio.run(climbed.switch("ground_effect.exponential"))
-        asyncio.run(climbed.hold_out_by("flights"))
-        asyncio.run(climbed.undo())
-        assert [rung.error_m_s2 for rung in climbed.session.rungs] == [None, None]
+    def test_errors_on_other_flights_do_not_come_back(self, extended: Workbench) -> None:
+        extended.session = extended.session.judged(0.2)
+        asyncio.run(extended.switch("ground_effect.exponential"))
+        asyncio.run(extended.hold_out_by("flights"))
+        asyncio.run(extended.undo())
+        assert [step.error_m_s2 for step in extended.session.sequence] == [None, None]
 
-    def test_another_session_has_nothing_to_undo(self, climbed: Workbench) -> None:
-        asyncio.run(climbed.resume(replace(climbed.session, view="tab=flights")))
-        assert not climbed.history.can_undo
-        asyncio.run(climbed.undo())
-        assert climbed.message is not None and "no change of the model to undo" in climbed.message.text
+    def test_another_session_has_nothing_to_undo(self, extended: Workbench) -> None:
+        asyncio.run(extended.resume(replace(extended.session, view="tab=flights")))
+        assert not extended.history.can_undo
+        asyncio.run(extended.undo())
+        assert extended.message is not None and "no change of the model to undo" in extended.message.text
 
 
 class TestNewSession:
@@ -318,22 +319,22 @@ class TestNewSession:
     def used(self, bench: Workbench) -> Workbench:
         """A bench with a flight, and an effect in its model."""
         asyncio.run(bench.open_logs([Path("a.csv")]))
-        rung = bench.session.rung
-        assert rung is not None
-        bench.session = bench.session.climbed(Rung("+ one", rung.model.plus(Exponential(a=0.3, b=5.0))))
+        step = bench.session.step
+        assert step is not None
+        bench.session = bench.session.extended(Step("+ one", step.model.plus(Exponential(a=0.3, b=5.0))))
         return bench
 
     def test_it_has_the_vehicle_alone_and_the_one_before_is_kept(self, used: Workbench) -> None:
         before = used.session
         asyncio.run(used.start_anew())
-        assert used.session.logs == () and [rung.name for rung in used.session.rungs] == ["rigid body"]
-        assert used.session.model == before.rungs[0].model and used.session.vehicle_assumed
+        assert used.session.logs == () and [step.name for step in used.session.sequence] == ["rigid body"]
+        assert used.session.model == before.sequence[0].model and used.session.vehicle_assumed
         assert not used.history.can_undo
         path = used.folder / f"{PREVIOUS}.lab.yaml"
         assert used.message is not None and f"{path}: open that file" in used.message.text
         kept = load_session(path)
         assert [path.name for path in kept.logs] == ["a.csv"]
-        assert [rung.model.effects for rung in kept.rungs] == [rung.model.effects for rung in before.rungs]
+        assert [step.model.effects for step in kept.sequence] == [step.model.effects for step in before.sequence]
         assert load_session(used.folder / AUTOSAVED).logs == ()  # nor is the old one resumed at the next start
 
     def test_there_is_a_way_back(self, used: Workbench) -> None:
@@ -342,7 +343,7 @@ class TestNewSession:
         assert used.message is not None and used.message.go_back
         asyncio.run(used.go_back())
         assert used.session.logs == before.logs
-        assert [rung.model for rung in used.session.rungs] == [rung.model for rung in before.rungs]
+        assert [step.model for step in used.session.sequence] == [step.model for step in before.sequence]
         kept = load_session(used.folder / AUTOSAVED)  # nor is the new one resumed at the next start
         assert [path.name for path in kept.logs] == ["a.csv"]
 
@@ -351,14 +352,14 @@ class TestNewSession:
         asyncio.run(used.start_anew())
         asyncio.run(used.open_earlier(used.folder / f"{PREVIOUS}.lab.yaml"))
         assert [path.name for path in used.session.logs] == ["a.csv"]
-        assert [rung.model.effects for rung in used.session.rungs] == [rung.model.effects for rung in before.rungs]
+        assert [step.model.effects for step in used.session.sequence] == [s.model.effects for s in before.sequence]
         asyncio.run(used.open_earlier(used.folder / "gone.lab.yaml"))
         assert used.message is not None and used.message.kind == "error"
         assert [path.name for path in used.session.logs] == ["a.csv"]
 
     def test_the_present_one_is_kept_where_another_is_opened_over_it(self, used: Workbench) -> None:
         before = used.session
-        asyncio.run(used.resume(Session().with_logs([Path("b.csv")]).begun_with(before.rungs[0].model)))
+        asyncio.run(used.resume(Session().with_logs([Path("b.csv")]).begun_with(before.sequence[0].model)))
         assert [path.name for path in used.session.logs] == ["b.csv"]
         assert [path.name for path in load_session(used.folder / f"{PREVIOUS}.lab.yaml").logs] == ["a.csv"]
         assert used.message is not None and used.message.go_back
@@ -383,7 +384,7 @@ class TestNewSession:
     def test_without_flights_there_are_no_errors(self, used: Workbench) -> None:
         used.session = used.session.judged(0.2, 0.1)
         asyncio.run(used.forget_log(Path("a.csv")))
-        assert [(rung.error_m_s2, rung.floor_m_s2) for rung in used.session.rungs] == [(None, None), (None, None)]
+        assert [(step.error_m_s2, step.floor_m_s2) for step in used.session.sequence] == [(None, None), (None, None)]
 
     def test_the_last_effect_goes_without_a_flight_too(self, used: Workbench) -> None:
         asyncio.run(used.forget_log(Path("a.csv")))
@@ -394,9 +395,9 @@ class TestNewSession:
 
     def test_effects_that_would_have_to_be_refitted_stay(self, used: Workbench) -> None:
         asyncio.run(used.forget_log(Path("a.csv")))
-        rung = used.session.rung
-        assert rung is not None
-        used.session = used.session.climbed(Rung("+ two", rung.model.plus(ConstantScale(1.1))))
+        step = used.session.step
+        assert step is not None
+        used.session = used.session.extended(Step("+ two", step.model.plus(ConstantScale(1.1))))
         asyncio.run(used.remove("ground_effect.exponential"))
         assert used.message is not None
         assert used.message.text == "there is no flight to fit the model to: open one, or go back to a step before"
@@ -443,8 +444,8 @@ class TestNewVehicle:
             await Intake(bench, []).use_new_vehicle(TYPICAL._replace(name="mine", mass_kg=2.0), {})
 
         asyncio.run(enter())
-        assert bench.session.rung is not None
-        vehicle = bench.session.rung.model.vehicle
+        assert bench.session.step is not None
+        vehicle = bench.session.step.model.vehicle
         assert (vehicle.name, vehicle.mass_kg, vehicle.n_rotors) == ("mine", 2.0, 4)
 
     def test_the_parameters_in_a_log_say_rotors_and_throttle(self, bench: Workbench, tmp_path: Path) -> None:
@@ -461,8 +462,8 @@ class TestNewVehicle:
             await intake.use_new_vehicle(asked, await intake.parameters_of(log))
 
         asyncio.run(enter())
-        assert bench.session.rung is not None
-        vehicle = bench.session.rung.model.vehicle
+        assert bench.session.step is not None
+        vehicle = bench.session.step.model.vehicle
         assert [rotor.position_m for rotor in vehicle.rotors] == [(0.1, 0.2, 0.0), (-0.1, 0.2, 0.0), (0.0, -0.3, 0.0)]
         hover = vehicle.throttle.offset + vehicle.throttle.per_newton * vehicle.weight_n
         assert hover == pytest.approx(PX4_TRI["MPC_THR_HOVER"], rel=1e-3)
@@ -494,7 +495,7 @@ class TestOwnVehicle:
         assert intake.own_vehicles == [tmp_path / "vehicles" / "my_own.yaml"]
         assert bench.message is not None and str(tmp_path / "vehicles" / "my_own.yaml") in bench.message.text
         asyncio.run(bench.begin_with(intake.own_vehicles[0]))
-        assert bench.session.rung is not None and bench.session.rung.model.vehicle.name == "my/own"
+        assert bench.session.step is not None and bench.session.step.model.vehicle.name == "my/own"
 
     def test_one_in_a_file_that_is_dropped_stands_there_too(self, bench: Workbench, tmp_path: Path) -> None:
         path = tmp_path / "uploads" / "dropped.yaml"
@@ -503,7 +504,7 @@ class TestOwnVehicle:
         intake = Intake(bench, [])
         asyncio.run(intake._begin_with(path))
         assert [own.name for own in intake.own_vehicles] == ["mine.yaml"]
-        assert bench.session.rungs[0].model.vehicle.name == "mine"
+        assert bench.session.sequence[0].model.vehicle.name == "mine"
         assert bench.message is not None and "The vehicle is kept in" in bench.message.text
 
     def test_one_that_cannot_fly_is_not_kept_and_a_form_hears_of_it_in_its_own_words(self, bench: Workbench) -> None:
@@ -522,11 +523,11 @@ class TestExport:
     def test_the_file_and_the_commands_that_use_it_are_said(self, bench: Workbench) -> None:
         bench.say_exported("model.yaml")
         assert bench.message is not None and "saved as model.yaml in the downloads folder" in bench.message.text
-        assert [command for _, command in commands_of_a_model("model.yaml")] == [
-            "quadctl fly MISSION --model model.yaml",
-            "quadctl simulate MISSION --model model.yaml --hidden model.yaml",
-            "quadctl export model.yaml --to px4",
-            "quadctl compare model.yaml LOG",
+        assert [command for _, command in COMMANDS] == [
+            "quadctl fly MISSION --model {name}",
+            "quadctl simulate MISSION --model {name} --hidden {name}",
+            "quadctl export {name} --to px4",
+            "quadctl compare {name} LOG",
         ]
 
     def test_its_name_is_that_of_the_vehicle_and_what_was_added(self, raptor: Vehicle) -> None:
@@ -537,7 +538,7 @@ class TestExport:
         assert name_of_file(Model(raptor, (*effects, *effects[:1]))) == "raptor_4_effects.yaml"
 
     def test_the_commands_are_those_that_there_are(self, bench: Workbench, capsys: pytest.CaptureFixture[str]) -> None:
-        for _, command in commands_of_a_model("model.yaml"):
+        for _, command in COMMANDS:
             _, name, *words = command.split()
             options = [word for word in words if word.startswith("--")]
             shown = CliRunner().invoke(app, [name, "--help"], env={"COLUMNS": "200"}).output
@@ -665,7 +666,7 @@ class TestOpening:
 
 
 class TestErrorsOfAllSteps:
-    """Every step of the ladder has its error on the flights that count now."""
+    """Every step of the model sequence has its error on the flights that count now."""
 
     @pytest.fixture
     def flown(self, raptor: Vehicle) -> tuple[Model, Dataset, Dataset]:
@@ -715,15 +716,15 @@ class TestErrorsOfAllSteps:
 
         monkeypatch.setattr(bench._quick, "run", run)
         monkeypatch.setattr(bench, "look", look)
-        rung = Rung("+ ground_effect.exponential", truth)
-        bench.session, bench.opened = bench.session.climbed(rung), Opened([], seen, unseen)
+        step = Step("+ ground_effect.exponential", truth)
+        bench.session, bench.opened = bench.session.extended(step), Opened([], seen, unseen)
         asyncio.run(bench._judge(lambda text: None))
-        first, last = (rung.error_m_s2 for rung in bench.session.rungs)
+        first, last = (step.error_m_s2 for step in bench.session.sequence)
         assert first is not None and last is not None and first > 2.0 * last
 
 
 class TestRefit:
-    """A refit is a step of the ladder where it changes the model."""
+    """A refit is a step of the model sequence where it changes the model."""
 
     @pytest.fixture
     def fitted(self, bench: Workbench, raptor: Vehicle, monkeypatch: pytest.MonkeyPatch) -> Workbench:
@@ -731,7 +732,7 @@ class TestRefit:
         given = Model(raptor).plus(Exponential(a=0.5, b=5.0))
         flown = obedient(Model(raptor).plus(Exponential(a=0.3, b=5.0)), 30.0, noise_m_s=0.01, name="0.csv")
         bench.opened = Opened([], load_dataset([flown], raptor), None)
-        bench.session = bench.session.climbed(Rung("+ ground_effect.exponential", given))
+        bench.session = bench.session.extended(Step("+ ground_effect.exponential", given))
 
         async def run(job: Callable[..., Any], *args: Any, progress: Callable[[str], None]) -> Any:
             return job(*args, progress=progress)
@@ -745,8 +746,8 @@ class TestRefit:
         return bench
 
     def test_other_parameters_are_a_step(self, fitted: Workbench) -> None:
-        assert fitted.session.rungs[-1].name == "refitted" and fitted.history.can_undo
-        (effect,) = fitted.session.rungs[-1].model.effects
+        assert fitted.session.sequence[-1].name == "refitted" and fitted.history.can_undo
+        (effect,) = fitted.session.sequence[-1].model.effects
         assert effect.values()["a"] == pytest.approx(0.3, abs=0.05)
 
     def test_the_same_parameters_again_are_none_and_it_is_said(self, fitted: Workbench) -> None:
@@ -760,19 +761,19 @@ class TestRefit:
         assert fitted.opened.seen is not None and fitted.session.model is not None
         (item,) = fitted.session.model.stack
         elsewhere = replace(item, fitted=Provenance(logs=("1.csv",)))
-        fitted.session = fitted.session.climbed(Rung("as it was", replace(fitted.session.model, stack=(elsewhere,))))
-        before = len(fitted.session.rungs)
+        fitted.session = fitted.session.extended(Step("as it was", replace(fitted.session.model, stack=(elsewhere,))))
+        before = len(fitted.session.sequence)
         asyncio.run(fitted.refit())
-        assert len(fitted.session.rungs) == before + 1
+        assert len(fitted.session.sequence) == before + 1
 
 
 class TestEvidence:
     """Every effect of the model, and every one that was found missing, has evidence when it is asked for."""
 
     @pytest.fixture
-    def climbed(self, bench: Workbench, raptor: Vehicle, monkeypatch: pytest.MonkeyPatch) -> Workbench:
+    def extended(self, bench: Workbench, raptor: Vehicle, monkeypatch: pytest.MonkeyPatch) -> Workbench:
         """On the step after a search, with the effect that it found."""
-        truth, rigid = Model(raptor).plus(Exponential(a=0.3, b=5.0)), bench.session.rungs[0].model
+        truth, rigid = Model(raptor).plus(Exponential(a=0.3, b=5.0)), bench.session.sequence[0].model
         seen = load_dataset([obedient(truth, 30.0, noise_m_s=0.01, name="0.csv")], raptor)
 
         async def run(job: Callable[..., Any], *args: Any, progress: Callable[[str], None]) -> Any:
@@ -781,54 +782,54 @@ class TestEvidence:
         monkeypatch.setattr(bench._quick, "run", run)
         found = Findings.of(diagnose(rigid, seen, [Exponential, Hayden]), {})
         bench.session, bench.opened = bench.session.searched(rigid, found), Opened([], seen, None)
-        bench.session = bench.session.climbed(Rung("+ ground_effect.exponential", truth))
+        bench.session = bench.session.extended(Step("+ ground_effect.exponential", truth))
         return bench
 
-    def test_of_an_effect_in_the_model_with_the_search_that_found_it(self, climbed: Workbench) -> None:
-        asyncio.run(climbed.gather("ground_effect.exponential"))
-        gathered = climbed.results.evidence["ground_effect.exponential"]
+    def test_of_an_effect_in_the_model_with_the_search_that_found_it(self, extended: Workbench) -> None:
+        asyncio.run(extended.gather("ground_effect.exponential"))
+        gathered = extended.results.evidence["ground_effect.exponential"]
         assert gathered is not None and gathered.search is not None
         assert gathered.evidence.after["total"] < 0.5 * gathered.evidence.before["total"]
         assert {c.effect.name for c in gathered.search.diagnosis.ranking} >= {"ground_effect.hayden"}
 
-    def test_what_was_said_stays_while_it_is_gathered_again(self, climbed: Workbench) -> None:
-        climbed.say("error", "garbage.csv: is no flight log.")
-        said = climbed.message
-        asyncio.run(climbed.gather("ground_effect.exponential"))
-        assert climbed.message is said
+    def test_what_was_said_stays_while_it_is_gathered_again(self, extended: Workbench) -> None:
+        extended.say("error", "garbage.csv: is no flight log.")
+        said = extended.message
+        asyncio.run(extended.gather("ground_effect.exponential"))
+        assert extended.message is said
 
-    def test_of_an_effect_that_was_found_missing(self, climbed: Workbench) -> None:
-        climbed.session = climbed.session.at(0)
-        climbed._show_found()
-        asyncio.run(climbed.gather("ground_effect.exponential"))
-        assert climbed.results.evidence["ground_effect.exponential"] is not None
+    def test_of_an_effect_that_was_found_missing(self, extended: Workbench) -> None:
+        extended.session = extended.session.at(0)
+        extended._show_found()
+        asyncio.run(extended.gather("ground_effect.exponential"))
+        assert extended.results.evidence["ground_effect.exponential"] is not None
 
-    def test_of_no_other_effect(self, climbed: Workbench) -> None:
-        asyncio.run(climbed.gather("wind.constant"))
-        assert climbed.results.evidence == {}
+    def test_of_no_other_effect(self, extended: Workbench) -> None:
+        asyncio.run(extended.gather("wind.constant"))
+        assert extended.results.evidence == {}
 
-    def test_the_next_flight_is_to_tell_look_alikes_of_earlier_steps_too(
-        self, climbed: Workbench, monkeypatch: pytest.MonkeyPatch
+    def test_the_next_flight_is_to_distinguish_confounded_effects_of_earlier_steps_too(
+        self, extended: Workbench, monkeypatch: pytest.MonkeyPatch
     ) -> None:
-        search, model, seen = climbed.session.rungs[0].found, climbed.session.model, climbed.opened.seen
+        search, model, seen = extended.session.sequence[0].found, extended.session.model, extended.opened.seen
         assert search is not None and model is not None and seen is not None
         search.content["confounded"] = [["ground_effect", "tether"]]
         nothing = replace(diagnose(model, seen, [Hayden]), confounded=[])
-        climbed.results = replace(climbed.results, found=Diagnosed(nothing, {}))
+        extended.results = replace(extended.results, found=Diagnosed(nothing, {}))
         asked = []
 
         async def run(job: Callable[..., Any], diagnosis: Any, *_: Any, progress: Callable[[str], None]) -> None:
             asked.append(diagnosis.confounded)
 
-        monkeypatch.setattr(climbed._quick, "run", run)
-        monkeypatch.setattr(climbed, "simulation", SimpleNamespace(missions=ROOT / "missions"))
-        asyncio.run(climbed.suggest())
+        monkeypatch.setattr(extended._quick, "run", run)
+        monkeypatch.setattr(extended, "simulation", SimpleNamespace(missions=ROOT / "missions"))
+        asyncio.run(extended.suggest())
         assert asked == [[["ground_effect", "tether"]]]
 
-    def test_it_does_not_begin_beside_other_work(self, climbed: Workbench) -> None:
-        climbed.work = Work("Refitting")
-        asyncio.run(climbed.gather("ground_effect.exponential"))
-        assert (climbed.results.evidence, climbed.message) == ({}, None)
+    def test_it_does_not_begin_beside_other_work(self, extended: Workbench) -> None:
+        extended.work = Work("Refitting")
+        asyncio.run(extended.gather("ground_effect.exponential"))
+        assert (extended.results.evidence, extended.message) == ({}, None)
 
 
 class TestCautions:
@@ -836,20 +837,22 @@ class TestCautions:
 
     def test_an_estimator_that_was_reset(self) -> None:
         report = replace(_report(), findings=(finding(Kind.RESET, [(3.2, 3.2)], of="height"),))
-        note = "The estimator reset its height at 3.2 s: it jumps there."
-        assert cautions_of(report, MAX_BANDWIDTH_HZ, (0.0, 5.0)) == [note]
+        (said,) = cautions_of(report, MAX_BANDWIDTH_HZ, (0.0, 5.0))
+        assert str(said) == "The estimator reset its height at 3.2 s: it jumps there."
         assert cautions_of(report, MAX_BANDWIDTH_HZ, (4.0, 5.0)) == []  # before the take-off
 
     def test_a_channel_that_limits_the_bandwidth(self) -> None:
         report = _report(rates_hz={"rpm": 2.86, "position": 9.24})
         (said,) = cautions_of(report, 1.01, (0.0, 5.0))
-        assert said.startswith("The slowest channel, rpm, comes 2.86 times a second, once not for 2.2 s, at 0 s: only")
-        assert "only changes slower than 1 Hz are compared" in said and said.endswith("log it at 9 Hz or more.")
+        assert str(said).startswith(
+            "The slowest channel, rpm, comes 2.86 times a second, once not for 2.2 s, at 0 s: o"
+        )
+        assert said.facts["bandwidth_hz"] == 1.01 and said.facts["enough_hz"] == 9
         assert cautions_of(report, MAX_BANDWIDTH_HZ, (0.0, 5.0)) == []
 
     def test_a_gap_before_the_take_off_is_none_of_the_flight(self) -> None:
         (said,) = cautions_of(_report(rates_hz={"rpm": 2.86}), 1.01, (3.0, 5.0))
-        assert said.startswith("The slowest channel, rpm, comes 2.86 times a second: only changes slower than")
+        assert said.kind is Doubt.SLOW and said.facts["gap_s"] == 0.0
 
 
 SILENT = FlightLog("a.csv", None, {"time_s": np.arange(0.0, 5.0, 0.02)})
@@ -886,23 +889,26 @@ class TestDoubts:
     def test_another_mass_is_asked_about(self, raptor: Vehicle, metas: dict[str, dict[str, Any]]) -> None:
         metas["a.csv"] = {"vehicle": {"name": raptor.name, "mass_kg": 1.9}}
         asked = self.opened(raptor, metas)
-        assert asked.logs[0].doubt == f"This flight says 1.9 kg, the vehicle has {raptor.mass_kg:g} kg"
+        assert asked.logs[0].doubt == fact(Doubt.MASS, said_kg=1.9, mass_kg=raptor.mass_kg)
         assert asked.usable == [] and asked.seen is None
         answered = self.opened(raptor, metas, "a.csv")
-        assert answered.logs[0].doubt == "" and answered.seen is not None
+        assert answered.logs[0].doubt is None and answered.seen is not None
 
     def test_another_autopilot_is_asked_about(self, raptor: Vehicle, metas: dict[str, dict[str, Any]]) -> None:
         metas |= {"a.csv": {"autopilot": "simulated PX4"}, "b.csv": {"autopilot": "ArduPilot"}, "c.csv": {}}
         asked = self.opened(raptor, metas)
-        assert [log.doubt for log in asked.logs] == ["", "This flight was flown by ArduPilot, a.csv by PX4", ""]
+        assert [log.doubt and str(log.doubt) for log in asked.logs] == [
+            None,
+            "This flight was flown by ArduPilot, a.csv by PX4",
+            None,
+        ]
         assert asked.seen is not None and asked.seen.names == ["a.csv", "c.csv"]
 
     def test_thrust_from_another_source_is_asked_about(self) -> None:
         one, other = (FlightLog(name, None, {"time_s": np.zeros(1)}) for name in ("a.csv", "b.csv"))
-        assert doubt_beside(other, "throttle command", one, "rotor speed") == (
-            "The thrust of this flight is from throttle command, that of a.csv from rotor speed"
-        )
-        assert doubt_beside(other, "rotor speed", one, "rotor speed") == ""
+        doubt = doubt_beside(other, "throttle command", one, "rotor speed")
+        assert doubt is not None and doubt.kind is Doubt.THRUST and doubt.facts["first"] == "a.csv"
+        assert doubt_beside(other, "rotor speed", one, "rotor speed") is None
 
 
 def test_the_process_that_workers_are_forked_from_has_no_thread() -> None:

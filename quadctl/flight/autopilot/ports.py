@@ -39,7 +39,11 @@ USB_ADAPTERS = {0x0403: "FTDI", 0x10C4: "Silicon Labs CP210x", 0x1A86: "WCH CH34
 DEV = Path("/dev")
 PINS = "serial0"
 """Link, on a Raspberry Pi, to the UART on its pins: to ttyS0 where Bluetooth has the better one, else to ttyAMA0."""
-UARTS = {"ttyAMA": "UART of a Raspberry Pi", "ttyTHS": "UART of a Jetson"}
+UARTS = {
+    "ttyAMA": "UART of a Raspberry Pi",
+    "ttyTHS": "UART of a Jetson",
+    PINS: f"UART on the pins of a Raspberry Pi ({PINS})",
+}
 """Names by the beginning of the device's name; a UART does not tell which device is wired to its pins."""
 
 
@@ -113,7 +117,7 @@ def _uarts() -> Iterator[tuple[str, str]]:
     for device in sorted(DEV.glob("ttyTHS*")):
         yield str(device), UARTS["ttyTHS"]
     if (DEV / PINS).exists():
-        yield str((DEV / PINS).resolve()), f"UART on the pins of a Raspberry Pi ({PINS})"
+        yield str((DEV / PINS).resolve()), UARTS[PINS]
 
 
 def _described(device: str, vendor: int | None, says: str) -> Port:

@@ -3,11 +3,19 @@
 from enum import unique
 from typing import TypeAlias
 
-from quadctl.words import By, Fact, Facts, Kinds, Words, fact
+from quadctl.words import By, Fact, Kinds, Words, fact
+
+_WORDS = Words(
+    {
+        "mode": lambda mode: mode or "an unknown mode",
+        "further": lambda texts: "".join(f"; {text}" for text in texts),
+        "known": lambda known: "; ".join(f"{name} {value}" for name, value in known.items()),
+    }
+)
 
 
 @unique
-class Kind(Kinds):
+class Kind(Kinds, words=_WORDS):
     """Kinds of reasons, each with the template of its words."""
 
     TOLD = "{text}"
@@ -96,16 +104,6 @@ class Kind(Kinds):
     GIVEN_BACK = "the mode is {mode} again, which nobody flies: its failsafe lands it when quadctl is gone"
     GONE_AT_END = "the autopilot is gone"
 
-    def said(self, facts: Facts) -> str:
-        return _WORDS.say(self.value, facts)
-
 
 Reason: TypeAlias = Fact
 reason = fact
-_WORDS = Words(
-    {
-        "mode": lambda mode: mode or "an unknown mode",
-        "further": lambda texts: "".join(f"; {text}" for text in texts),
-        "known": lambda known: "; ".join(f"{name} {value}" for name, value in known.items()),
-    }
-)

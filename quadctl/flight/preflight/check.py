@@ -175,7 +175,7 @@ def _compensator(plan: FlightPlan) -> Iterator[Finding]:
     yield judged(
         "compensator",
         fact(Kind.COMPENSATOR, effects=[effect.name for effect in model.effects], low_m=low, high_m=high),
-        warning=fact(Kind.SEVERAL, facts=warnings) if warnings else None,
+        warning=fact(Kind.SEVERAL, facts=[*map(str, warnings)]) if warnings else None,
     )
     yield from _surfaces(plan)
     for item in model.stack:

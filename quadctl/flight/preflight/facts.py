@@ -3,14 +3,32 @@
 from collections.abc import Mapping, Sequence
 from enum import unique
 
-from quadctl.words import By, Facts, Kinds, When, Words
+from quadctl.words import By, Kinds, When, Words
 
 _WHERE = "at {time_s:.1f} s ({phase})"
 LAG_MAY_DIFFER = "the lag may differ: fly excitation and run `quadctl fit` again"
 
 
+def _shares(until: Mapping[str, float]) -> str:
+    return " and ".join(f"{name} to {100.0 * share:g} %" for name, share in until.items())
+
+
+def _metres(values: Sequence[float]) -> str:
+    return " and ".join(f"{value:.2f} m" for value in values)
+
+
+_WORDS = Words(
+    {
+        "shares": _shares,
+        "metres": _metres,
+        "further": lambda facts: "; ".join(map(str, facts)),
+        "axis": lambda axis: ", ".join(f"{part:.3f}" for part in axis),
+    }
+)
+
+
 @unique
-class Kind(Kinds):
+class Kind(Kinds, words=_WORDS):
     TOLD = "{text}"
     """Words of another part, of a file or of the autopilot."""
     SEVERAL = "{facts:further}"
@@ -163,24 +181,3 @@ class Kind(Kinds):
     VOLTAGE_UNKNOWN = "voltage unknown"
     GUARD_NEEDS_IT = "guards.min_battery_v needs it"
     TOO_LOW = "expected {least_v:g} V or more"
-
-    def said(self, facts: Facts) -> str:
-        return _WORDS.say(self.value, facts)
-
-
-def _shares(until: Mapping[str, float]) -> str:
-    return " and ".join(f"{name} to {100.0 * share:g} %" for name, share in until.items())
-
-
-def _metres(values: Sequence[float]) -> str:
-    return " and ".join(f"{value:.2f} m" for value in values)
-
-
-_WORDS = Words(
-    {
-        "shares": _shares,
-        "metres": _metres,
-        "further": lambda facts: "; ".join(map(str, facts)),
-        "axis": lambda axis: ", ".join(f"{part:.3f}" for part in axis),
-    }
-)

@@ -17,16 +17,21 @@ from scipy import special
 
 from quadctl.lab.arrays import Floats
 from quadctl.lab.comparison.shifts import Shift, Signed, shifts
+from quadctl.lab.comparison.wording import Said, plus
 from quadctl.lab.fitting.bootstrap import FEWEST_BLOCKS
 from quadctl.lab.fitting.significance import LEAST_FLIGHTS
 from quadctl.lab.flights.dataset import Dataset
 from quadctl.model import Model
+from quadctl.words import Fact, fact
 
 CLOSE = 0.25
 """Largest difference of two errors, as a share of the error of the reference, that counts as none where the whole
 interval lies within it (equivalence test: Schuirmann 1987, J. Pharmacokinet. Biopharm. 15)."""
 LEAST_SQUARE = 1e-18
 """Least mean square in a denominator, m^2/s^4; only synthetic logs have less."""
+
+TWO_DECIMALS_M_S2 = 0.05
+"""Difference of two mean residuals from which on they are told with two decimals instead of three."""
 
 Fitted = Literal["", "these", "others", "all"]
 """Flights that the model was fitted to: none of these, or not known; those of the reference alone; for each flight the
@@ -123,6 +128,51 @@ class Agreement:
         if self.ci95 is None:
             return "not known"
         return "as well" if max(-self.ci95[0], self.ci95[1]) <= self.limit_m_s2 else "not known"
+
+    @property
+    def answer(self) -> Fact:
+        """Whether the flights agree, in a few words."""
+        if self.verdict in ("otherwise", "worse", "better"):
+            return fact(Said.DIFFER)
+        if self.verdict == "not known":
+            return fact(Said.MAY_AGREE)
+        return fact(Said.AS_LARGE if self._may_differ else Said.AGREE)
+
+    @property
+    def _may_differ(self) -> bool:
+        """Tell whether the mean residuals may differ by more than counts as none."""
+        return self.widest is not None and self.widest.reach_m_s2 > self.limit_m_s2
+
+    @property
+    def parts(self) -> list[Fact]:
+        """Whether the flights agree, and the reasons for it, as parts of a sentence."""
+        facts = vars(self) | {"verdict": self.verdict, "limit_m_s2": self.limit_m_s2, "close": CLOSE}
+        errors, shift = fact(Said.ERRORS, **facts), [] if self.shift is None else [self._said(self.shift)]
+        if self.verdict == "otherwise":
+            return [fact(Said.OTHERWISE, **facts), *shift, errors]
+        if self.verdict == "not known" or self.ci95 is None:
+            why = fact(Said.TOO_SHORT if self.ci95 is None else Said.MAY_BE_MORE, **facts)
+            return [fact(Said.NOT_KNOWN, **facts), errors, why]
+        if self.verdict == "as well":
+            kind = Said.MAY_SHIFT if self._may_differ else Said.NO_SHIFT
+            wide = [] if self.widest is None else [fact(kind, reach_m_s2=self.widest.reach_m_s2, axis=self.widest.axis)]
+            return [fact(Said.AS_WELL, **facts), errors, fact(Said.IS_LESS, **facts), *wide]
+        low, high = sorted(abs(end) for end in self.ci95)
+        size = {"size_m_s2": abs(self.difference_m_s2), "least_m_s2": low, "most_m_s2": high}
+        return [fact(Said.BETTER_OR_WORSE, **facts, **size), errors, *shift]
+
+    @property
+    def said(self) -> Fact:
+        """The parts as one sentence."""
+        answer, *reasons = self.parts
+        return fact(Said.AGREEMENT, answer=answer, reasons=reasons)
+
+    def _said(self, shift: Shift) -> Fact:
+        decimals = 2 if abs(shift.difference_m_s2) > TWO_DECIMALS_M_S2 else 3
+        there, here = (round(value, decimals) for value in (shift.judged_m_s2, shift.reference_m_s2))
+        values = {"judged_m_s2": there, "reference_m_s2": here, "difference_m_s2": there - here}
+        said = {name: plus(value, decimals) for name, value in values.items()}
+        return fact(Said.SHIFT, **{**shift._asdict(), **said, "judged": self.judged, "reference": self.reference})
 
     def to_dict(self) -> dict[str, Any]:
         return {

@@ -11,24 +11,26 @@ from rich.text import Text
 from quadctl.effects.per_flight import PerFlight
 from quadctl.lab.arrays import Floats
 from quadctl.lab.comparison.agreement import Agreement, Errors, of_one_model
-from quadctl.lab.comparison.failures import LEAST_PART, Failure, Profile, failures, is_telling, profiles, told
-from quadctl.lab.comparison.open_loop import OpenLoop, open_loop, open_loop_in_words, open_loop_table
-from quadctl.lab.comparison.reservations import reservations
-from quadctl.lab.comparison.wording import (
-    agreement_in_words,
-    failure_in_words,
-    followed_in_words,
-    on_terminal,
-    quantity,
-    roughly,
-    untold_in_words,
-    variance_in_words,
+from quadctl.lab.comparison.failures import (
+    LEAST_PART,
+    Failure,
+    Profile,
+    failures,
+    followed,
+    is_telling,
+    profiles,
+    told,
+    unexplained,
 )
+from quadctl.lab.comparison.open_loop import OpenLoop, open_loop, open_loop_table
+from quadctl.lab.comparison.reservations import reservations
+from quadctl.lab.comparison.wording import Said, on_terminal, quantity, roughly
 from quadctl.lab.fitting.flexible_regression import flexible_residual, noise_floor
 from quadctl.lab.flights.dataset import AlignedDataset, Dataset
 from quadctl.lab.flights.prediction import AXES, rmse
 from quadctl.lab.results import Result, errors_table
 from quadctl.model import Model
+from quadctl.words import Fact, fact
 
 SHOWN_FAILURES = 6
 TOLD_HORIZON_S = 2.0
@@ -61,6 +63,11 @@ class Comparison(Result):
         """Profiles that are worth a look, what explains most of the error of all axes first."""
         return [p for p in self.profiles if is_telling(p) and self.share_of_all(p) >= LEAST_PART]
 
+    @property
+    def variance(self) -> Fact:
+        """The share of the variance that the model explains."""
+        return fact(Said.VARIANCE, explained=self.explained, better=self.explained > 0.0)
+
     def share_of_all(self, profile: Profile) -> float:
         """Share of the squared error of all axes in the means of a profile."""
         square = np.sum(self.residual**2, axis=0)
@@ -76,13 +83,13 @@ class Comparison(Result):
             "noise_floor": self.noise_floor,
             "explained": self.explained,
             "open_loop": [errors.to_dict() for errors in self.open_loop],
-            "fails_where": [{**failure.to_dict(), "text": failure_in_words(failure)} for failure in self.fails_where],
+            "fails_where": [{**failure.to_dict(), "text": str(failure.said)} for failure in self.fails_where],
             "agreement": None if self.agreement is None else self.agreement.to_dict(),
             "record": self.dataset.record,
             "notes": [
                 *(f"{flight.name}: {note}" for flight in self.dataset.flights for note in flight.notes),
-                *values_of_other_flights(self.model, self.dataset.names),
-                *(said.removesuffix(".") for said in reservations(self.model.vehicle, self.dataset)),
+                *map(str, values_of_other_flights(self.model, self.dataset.names)),
+                *map(str, reservations(self.model.vehicle, self.dataset)),
             ],
         }
 
@@ -90,29 +97,29 @@ class Comparison(Result):
         widths = ", ".join(sorted({f"{flight.bandwidth_hz:.1f}" for flight in self.dataset.flights}))
         error, floor = quantity(self.rmse["total"]), roughly(self.noise_floor["total"])
         of = f"Acceleration error of {self.model.name}"
-        lines = [
+        lines: list[str | Fact] = [
             f"{of}: {error}; reference error (a regression on all logged variables): {floor}.",
-            variance_in_words(self.explained),
+            self.variance,
         ]
         if self.agreement is not None:
-            lines.append(agreement_in_words(self.agreement))
+            lines.append(self.agreement.said)
         if self.fails_where:
             shown = told(self.fails_where, SHOWN_FAILURES)
             lines.append("The model fails here, what explains the most of the error first:")
-            lines += [f"  - {failure_in_words(failure)} ({abs(failure.sigma):.0f} sigma)" for failure in shown]
+            lines += [f"  - {failure.said} ({abs(failure.sigma):.0f} sigma)" for failure in shown]
             if len(self.fails_where) > SHOWN_FAILURES:
                 lines.append(f"  - and {len(self.fails_where) - SHOWN_FAILURES} more ranges (see --json or --html)")
-            more = (followed_in_words(shown, self.dataset), untold_in_words(self.fails_where, self.rmse))
-            lines += [said for said in more if said]
+            more = (followed(shown, self.dataset), unexplained(self.fails_where, self.rmse))
+            lines += [said for said in more if said is not None]
         else:
-            lines.append("The model has no significant error in any range of a variable.")
+            lines.append(fact(Said.NO_FAILURE, model="The model"))
         lines += [f"Note: {note}." for note in values_of_other_flights(self.model, self.dataset.names)]
-        lines += reservations(self.model.vehicle, self.dataset)
-        lines += [open_loop_in_words(errors) for errors in self.open_loop if errors.horizon_s == TOLD_HORIZON_S]
+        lines += [f"{said}." for said in reservations(self.model.vehicle, self.dataset)]
+        lines += [errors.said for errors in self.open_loop if errors.horizon_s == TOLD_HORIZON_S]
         title = f"On {', '.join(self.dataset.names)}: {len(self.residual)} samples, filtered to {widths} Hz"
         table = errors_table(title, (("error (RMSE)", self.rmse), ("reference error", self.noise_floor)))
         tables = [table, open_loop_table(self.open_loop)] if self.open_loop else [table]
-        return Group(Text(on_terminal("\n".join(lines))), *tables)
+        return Group(Text(on_terminal("\n".join(map(str, lines)))), *tables)
 
 
 def compare(model: Model, dataset: Dataset) -> Comparison:
@@ -136,8 +143,8 @@ def compare(model: Model, dataset: Dataset) -> Comparison:
     )
 
 
-def values_of_other_flights(model: Model, flights: Sequence[str]) -> list[str]:
-    """Sentences on effects that hold values of single flights, by their place in the order given, where these are not
+def values_of_other_flights(model: Model, flights: Sequence[str]) -> list[Fact]:
+    """Effects that hold values of single flights, by their place in the order given, where these are not
     the flights that they were fitted to, or stand in another order."""
     found = []
     for item in model.stack:
@@ -147,10 +154,7 @@ def values_of_other_flights(model: Model, flights: Sequence[str]) -> list[str]:
             continue
         logs = list(item.fitted.logs)
         if list(flights) != logs[: len(flights)]:
-            found.append(
-                f"{item.effect.name} holds values of {', '.join(logs)}, which are used in this order for "
-                f"{', '.join(flights)}"
-            )
+            found.append(fact(Said.OTHER_FLIGHTS, effect=item.effect.name, logs=logs, flights=flights))
     return found
 
 

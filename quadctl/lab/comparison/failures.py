@@ -5,7 +5,7 @@ regression on the variables that can be a cause: the structure to be found must 
 noise stays correlated for long (see `Noise`).
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Literal, NamedTuple
 
@@ -13,10 +13,14 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import special
 
+from quadctl.frames import GRAVITY_M_S2
 from quadctl.lab.arrays import Floats, Mask
+from quadctl.lab.comparison.wording import NAMED_FLIGHTS, Said
 from quadctl.lab.fitting.noise import Noise
 from quadctl.lab.flights.dataset import Dataset
+from quadctl.lab.flights.flight import VARIABLE_UNITS
 from quadctl.lab.flights.prediction import AXES
+from quadctl.words import Fact, fact
 
 BINS = 10
 MOST = 0.8
@@ -37,6 +41,10 @@ error of all axes."""
 FALSE_SHARE = 0.05
 """Largest share of the dependences that are told which may be there by chance (Benjamini & Hochberg 1995, J. R. Stat.
 Soc. B 57)."""
+MUCH = 0.2
+"""Share of the squared error from which on an axis is told of, whatever its error goes with."""
+_DIRECTIONS = {"up": ("more", "less"), "north": ("north", "south"), "east": ("east", "west")}
+"""Direction of a push by its axis: along it, and against it."""
 
 
 class Stretch(NamedTuple):
@@ -81,6 +89,27 @@ class Failure:
     """Bins with the least and the largest mean residual, of a dependence: (value of the variable, mean)."""
     share: float = 0.0
     """Share of the squared error on its axis, of a dependence."""
+
+    @property
+    def said(self) -> Fact:
+        """The failure without a full stop: `At a height below 2 rotor radii the vehicle gets more thrust than ...`."""
+        size = abs(self.mean_residual)
+        facts = vars(self) | {
+            "direction": _DIRECTIONS[self.axis][0 if self.mean_residual > 0.0 else 1],
+            "size_m_s2": size,
+            "weight_share": size / GRAVITY_M_S2,
+        }
+        if self.kind == "offset":
+            held = [stretch.flight for stretch in self.stretches]
+            return fact(
+                Said.OFFSET, **facts, mostly_in=held if len(held) <= min(self.flights - 1, NAMED_FLIGHTS) else []
+            )
+        if self.kind == "dependence":
+            unit = VARIABLE_UNITS[self.variable]
+            ends = [fact(Said.MEAN_AT, mean_m_s2=mean, at=at, unit=unit) for at, mean in self.extremes]
+            return fact(Said.DEPENDENCE, **facts, ends=ends)
+        average = abs(self.average)
+        return fact(Said.RANGE, **facts, average_m_s2=average, average_share=average / GRAVITY_M_S2)
 
     def to_dict(self) -> dict[str, object]:
         return {
@@ -224,6 +253,23 @@ def told(found: Sequence[Failure], count: int) -> list[Failure]:
     first = most_telling([failure for failure in found if failure.square_m2_s4 >= LEAST_PART * most])[:count]
     largest = max(found, key=lambda failure: abs(failure.mean_residual))
     return first if largest in first else most_telling([*first[: count - 1], largest])
+
+
+def followed(found: Sequence[Failure], dataset: Dataset) -> Fact | None:
+    """The variables of failures that follow disturbances, so that they need not be a cause (see `Dataset.is_flown`);
+    None where there is none."""
+    names = list(dict.fromkeys(f.variable for f in found if not dataset.is_flown(f.variable)))
+    return fact(Said.FOLLOWS, variables=names, flights=len(dataset.flights), one=len(names) == 1) if names else None
+
+
+def unexplained(found: Sequence[Failure], errors: Mapping[str, float]) -> Fact | None:
+    """The axes that hold much of the squared error, of which none of all failures `found` explains more than next to
+    nothing; None where there is none. `errors` are the RMSE per axis, m/s^2."""
+    whole = sum(errors[axis] ** 2 for axis in AXES)
+    explained = {failure.axis for failure in told(found, len(found))}
+    share = {axis: errors[axis] ** 2 / whole for axis in AXES if axis not in explained} if whole > 0.0 else {}
+    axes = [fact(Said.ERROR_ALONG, axis=a, error_m_s2=errors[a], share=s) for a, s in share.items() if s >= MUCH]
+    return fact(Said.UNEXPLAINED, axes=axes) if axes else None
 
 
 def stretches(values: Floats, inside: Mask, dataset: Dataset) -> tuple[Stretch, ...]:

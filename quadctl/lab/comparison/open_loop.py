@@ -18,12 +18,14 @@ from scipy.ndimage import gaussian_filter1d
 from quadctl.effects import Conditions
 from quadctl.frames import ned_from_neu, rotate, rotate_inverse
 from quadctl.lab.arrays import Floats
+from quadctl.lab.comparison.wording import Said
 from quadctl.lab.fitting.bootstrap import Estimate, estimates
 from quadctl.lab.flights.dataset import Dataset
 from quadctl.lab.flights.flight import Flight
 from quadctl.lab.flights.prediction import AXES
 from quadctl.lab.flights.preparation import BLOCK_S
 from quadctl.model import Model
+from quadctl.words import Fact, fact
 
 HORIZONS_S = (1.0, 2.0, 5.0)
 START_EVERY_S = 0.25
@@ -50,6 +52,12 @@ class OpenLoop:
     """Position error without any model, when the velocity stays as it is at the start, m."""
     held_velocity: dict[str, Estimate]
 
+    @property
+    def said(self) -> Fact:
+        """The error of the position beside that of a constant velocity."""
+        position, held_m = self.position["total"].in_words("m"), self.held_position["total"].rmse
+        return fact(Said.OPEN_LOOP, horizon_s=self.horizon_s, position=position, held_m=held_m)
+
     def to_dict(self) -> dict[str, Any]:
         errors = {
             "position_m": self.position,
@@ -62,14 +70,6 @@ class OpenLoop:
             "n_starts": self.n_starts,
             **{name: {axis: e.to_dict() for axis, e in by_axis.items()} for name, by_axis in errors.items()},
         }
-
-
-def open_loop_in_words(errors: OpenLoop) -> str:
-    """Sentence such as `After 2 s the predicted position is off by 0.31 m [0.27, 0.35] (velocity held: 0.9 m).`"""
-    return (
-        f"After {errors.horizon_s:g} s the predicted position is off by {errors.position['total'].in_words('m')} "
-        f"(velocity held: {errors.held_position['total'].rmse:.3g} m)."
-    )
 
 
 def open_loop_table(by_horizon: Sequence[OpenLoop]) -> Table:

@@ -1,12 +1,15 @@
 """Remaining error of a model: how far it is above the reference error, and which logged variables explain that part."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 from quadctl.lab.arrays import Floats
 from quadctl.lab.comparison.agreement import CLOSE
+from quadctl.lab.comparison.wording import Said
 from quadctl.lab.fitting.flexible_regression import flexible_residual, noise_floor
 from quadctl.lab.flights.dataset import Dataset
 from quadctl.lab.flights.prediction import AXES, rmse
+from quadctl.words import Fact, fact
 
 
 @dataclass(frozen=True)
@@ -42,6 +45,15 @@ class Remainder:
     def explained_by_causes(self) -> float:
         """Share of the squared error that a regression on the variables that can be a cause explains."""
         return self._share(self.by_causes_m_s2)
+
+    def said(self, flights: Sequence[str] = ()) -> Fact:
+        """How far the error is above the reference error, and what explains the difference; `flights` are those held
+        out of all fits."""
+        near = Said.NEAR_FLOOR if self.is_near_the_floor else Said.REMAINS
+        shares = {"above": self.above_the_floor, "explained": self.explained, "by_causes": self.explained_by_causes}
+        others = () if self.explained_by_causes > 0.5 * self.explained else self.others
+        facts = vars(self) | shares | {"flights": flights, "others": others}
+        return fact(Said.IS_FLOOR if self.above_the_floor <= 0.0 else near, **facts)
 
     def _share(self, left_m_s2: float) -> float:
         return max(0.0, 1.0 - (left_m_s2 / self.error_m_s2) ** 2)

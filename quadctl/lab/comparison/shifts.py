@@ -130,7 +130,17 @@ def shifts(reference: Signed, judged: Signed, chosen_of: int = 1) -> list[Shift]
     return found
 
 
-def _over(name: str, reference: Signed, judged: Signed) -> "list[tuple[str, float, float, _Mean, _Mean]]":
+class _Mean(NamedTuple):
+    """Mean residual of each axis, its variance by the noise, and that of one flight's mean by the spread of flights."""
+
+    mean: Floats
+    variance: Floats
+    degrees: float
+    between: Floats | None
+    flights: int
+
+
+def _over(name: str, reference: Signed, judged: Signed) -> list[tuple[str, float, float, _Mean, _Mean]]:
     """Means of both sets in the ranges of a variable that both have flown, with about equally many samples each."""
     one, other = reference.variables[name], judged.variables[name]
     low, high = max(one.min(), other.min()), min(one.max(), other.max())
@@ -149,16 +159,6 @@ def _over(name: str, reference: Signed, judged: Signed) -> "list[tuple[str, floa
             means = [_mean(*of, taken=RANGES) for of in zip((reference, judged), inside, noises, strict=True)]
             found.append((name, float(a), float(b), means[0], means[1]))
     return found
-
-
-class _Mean(NamedTuple):
-    """Mean residual of each axis, its variance by the noise, and that of one flight's mean by the spread of flights."""
-
-    mean: Floats
-    variance: Floats
-    degrees: float
-    between: Floats | None
-    flights: int
 
 
 def _mean(of: Signed, inside: Mask, noise: Noise | None = None, taken: int = 1) -> _Mean:

@@ -1,26 +1,20 @@
-"""Sentences and numbers about results, shared by the report and the page."""
+"""Words of comparisons, for the terminal, the page and the report: formats of numbers, and one table of templates."""
 
 from collections.abc import Callable, Mapping, Sequence
+from enum import unique
+from typing import Any
 
 from quadctl.effects import Effect
 from quadctl.frames import GRAVITY_M_S2
-from quadctl.lab.comparison.agreement import CLOSE, Agreement
-from quadctl.lab.comparison.failures import Failure, Stretch, told
-from quadctl.lab.comparison.remainder import Remainder
 from quadctl.lab.flights.dataset import FOLDS, Dataset
 from quadctl.lab.flights.flight import VARIABLE_NAMES, VARIABLE_UNITS
-from quadctl.lab.flights.prediction import AXES
 from quadctl.lab.flights.preparation import BLOCK_S
+from quadctl.words import By, Fact, Format, Kinds, Template, When, Words, fact
 
 UNIT = "m/s²"
 FLOOR = "held-out error of a regression on all logged variables, the lowest over all steps"
 """Meaning of the reference error; the steps are the models that were compared on these flights."""
-TWO_DECIMALS_M_S2 = 0.05
-"""Difference of two mean residuals from which on they are told with two decimals instead of three."""
-NAMED_FLIGHTS = 2
-"""Most flights that a sentence names."""
-MUCH = 0.2
-"""Share of the squared error from which on an axis is told of, whatever its error goes with."""
+NO_PARAMETERS = "no free parameters"
 ERRORS = {"total": "acceleration error", "turning": "moment error", "sensing": "accelerometer error"}
 """Name of the error of each measured group."""
 
@@ -76,10 +70,10 @@ def parameters_in_text(effect: Effect, ci95: Mapping[str, tuple[float, float]]) 
     """Fitted parameters with units and 95 % intervals: `a = 0.114 [0.1, 0.12], b = 5.4 1/m [5, 5.8]`."""
     values, units = effect.values(), {p.name: f" {p.unit}" if p.unit else "" for p in effect.parameters()}
     parts = [
-        f"{name} = {value_in_text(values[name])}{units[name]} {interval_in_text(values[name], ci)}"
+        f"{name} = {value_in_text(values[name])}{units[name]} {interval_in_words(values[name], ci, value_in_text)}"
         for name, ci in ci95.items()
     ]
-    return ", ".join(parts) or "no free parameters"
+    return ", ".join(parts) or NO_PARAMETERS
 
 
 def parameter_lines(effect: Effect, ci95: Mapping[str, tuple[float, float]]) -> list[str]:
@@ -98,22 +92,11 @@ def parameters_in_words(effect: Effect, ci95: Mapping[str, tuple[float, float]])
     return ", ".join(parameter_lines(effect, ci95)) or "-"
 
 
-def interval_in_words(value: float, ci95: tuple[float, float]) -> str:
+def interval_in_words(value: float, ci95: tuple[float, float], shown: Callable[[float], str] = "{:.4g}".format) -> str:
     """95 % interval of a value, `[0.10, 0.12]`; that of a parameter at a bound has one end, `(at most 0.12)`."""
-    return _interval(value, ci95, lambda end: f"{end:.4g}")
-
-
-def interval_in_text(value: float, ci95: tuple[float, float]) -> str:
-    """The same for text with typographic signs: see `value_in_text`."""
-    return _interval(value, ci95, value_in_text)
-
-
-def _interval(value: float, ci95: tuple[float, float], shown: Callable[[float], str]) -> str:
     low, high = ci95
-    if low < high and value == low:
-        return f"(at most {shown(high)})"
-    if low < high and value == high:
-        return f"(at least {shown(low)})"
+    if low < high and value in ci95:
+        return f"(at most {shown(high)})" if value == low else f"(at least {shown(low)})"
     return f"[{shown(low)}, {shown(high)}]"
 
 
@@ -122,49 +105,12 @@ def value_in_text(value: float) -> str:
     return f"{value if abs(value) > 1e-6 else 0.0:.4g}".replace("-", "\u2212")
 
 
-def held_out(dataset: Dataset) -> str:
-    if dataset.hold_out == "flights" and len(dataset.flights) > 1:
-        return "held-out flights (cross-validation)"
-    return f"held-out blocks of {BLOCK_S:.0f} s ({FOLDS}-fold cross-validation)"
-
-
-def where_in_words(seen: Dataset, held_out_flights: Sequence[str], as_it_stands: bool = False) -> str:
-    """Data that an error is computed on: the flights held out of all fits, or else held-out parts of `seen`, or all
-    of `seen` for a model `as_it_stands`."""
-    if held_out_flights:
-        return f"per-flight bias included, on the held-out {listed(held_out_flights)}"
-    if as_it_stands:
-        return f"as it stands, {trim_in_words(seen)}, on {flights_in_words(seen.names)}"
-    return f"{trim_in_words(seen)}, on {held_out(seen)}"
-
-
-def trim_in_words(seen: Dataset) -> str:
-    """Trims in an error on held-out parts of `seen`: that of a flight which no fit has seen is not known."""
-    return "per-flight bias included" if seen.whole_flights else "apart from the per-flight bias"
-
-
 def flights_in_words(names: Sequence[str]) -> str:
     return listed(names) if len(names) <= 3 else f"{len(names)} flights"
 
 
-def variance_in_words(explained: float) -> str:
-    """Sentence on the share of the variance that a model explains (see `Comparison.explained`)."""
-    if explained > 0.0:
-        return f"The model explains {percent(explained)} of the acceleration's variance."
-    return "The model is worse than predicting the mean acceleration."
-
-
-def count(n: int, what: str) -> str:
-    return f"{n} {what}{'' if n == 1 else 's'}"
-
-
 def listed(words: Sequence[str]) -> str:
     return words[0] if len(words) == 1 else f"{', '.join(words[:-1])} and {words[-1]}"
-
-
-def looks_like(families: Sequence[str]) -> str:
-    """Sentence on an effect that the data do not distinguish from those of other families."""
-    return f"Looks like {listed([plain(family) for family in families])}: these data do not distinguish them."
 
 
 def plain(family: str) -> str:
@@ -180,202 +126,201 @@ def ended(text: str) -> str:
     return text if text.endswith(("?", ".")) else f"{text}."
 
 
-def agreement_in_short(found: Agreement) -> str:
-    """The answer of `agreement_in_words` in a few words: `Under this model the flights differ.`"""
-    if found.verdict in ("otherwise", "worse", "better"):
-        return "Under this model the flights differ."
-    if found.verdict == "not known":
-        return "Whether the flights agree under this model cannot be told."
-    if found.widest is not None and found.widest.reach_m_s2 > found.limit_m_s2:
-        return "Under this model the error is as large in each flight; whether it is the same cannot be told."
-    return "Under this model the flights agree."
-
-
-def agreement_in_words(found: Agreement) -> str:
-    """Sentence that answers whether two flights agree: `The model fitted to A predicts B as well as A: ...`."""
-    answer, *reasons = agreement_parts(found)
-    return f"{answer}: {'; '.join(reasons)}."
-
-
-def agreement_parts(found: Agreement) -> list[str]:
-    """Answer whether two flights agree, and the reasons for it, as parts of a sentence."""
-    judged, reference = flights_in_words(found.judged), flights_in_words(found.reference)
-    model = {
-        "": "the model",
-        "these": f"the model fitted to {reference}",
-        "others": "the model fitted to the other flights each time",
-        "all": "the model fitted to all flights",
-    }[found.fitted]
-    them = f"{judged}, which differs most," if found.differs_most else judged
-    errors = (
-        f"its error is {quantity(found.judged_m_s2)} on {judged} and {quantity(found.reference_m_s2)} on {reference}"
-    )
-    limit = f"{number(found.limit_m_s2)}, {percent(CLOSE)} of the error on {reference}, that count as none"
-    shift = [] if found.shift is None else [_shift_in_words(found)]
-    if found.verdict == "otherwise":
-        return [f"{sentence(model)} predicts {them} otherwise than {reference}", *shift, errors]
-    if found.verdict == "not known" or found.ci95 is None:
-        why = "one of them is too short for an interval"
-        if found.ci95 is not None:
-            why = f"the difference is anything {_range_of(found.ci95)}, which may be more than the {limit}"
-        return [f"Whether {model} predicts {them} as well as {reference} is not known from these flights", errors, why]
-    if found.verdict == "as well":
-        less = f"the difference is {_range_of(found.ci95)}, less than the {limit}"
-        return [f"{sentence(model)} predicts {them} as well as {reference}", errors, less, *_widest_in_words(found)]
-    low, high = sorted(abs(end) for end in found.ci95)
-    by = f"by {quantity(abs(found.difference_m_s2))} [{number(low)}, {number(high)}]"
-    return [f"{sentence(model)} predicts {them} {found.verdict} than {reference}, {by}", errors, *shift]
-
-
-def _shift_in_words(found: Agreement) -> str:
-    """`the mean residual up is +0.300 m/s² on B and +0.100 m/s² on A, a difference of +0.200 m/s² [+0.1, +0.3]`"""
-    shift = found.shift
-    assert shift is not None
-    judged, reference = flights_in_words(found.judged), flights_in_words(found.reference)
-    where = ""
-    if shift.variable:
-        unit = VARIABLE_UNITS[shift.variable]
-        where = f" at a {VARIABLE_NAMES[shift.variable]} from {shift.low:.3g} to {shift.high:.3g} {unit}"
-    low, high = (f"{end:+.2g}".replace("-", "\u2212") for end in shift.ci95)
-    decimals = 2 if abs(shift.difference_m_s2) > TWO_DECIMALS_M_S2 else 3
-    there, here = (round(value, decimals) for value in (shift.judged_m_s2, shift.reference_m_s2))
-    return (
-        f"the mean residual {shift.axis}{where} is {plus(there, decimals)} {UNIT} on {judged} and "
-        f"{plus(here, decimals)} {UNIT} on {reference}, a difference of {plus(there - here, decimals)} {UNIT} "
-        f"[{low}, {high}]"
-    )
-
-
-def _widest_in_words(found: Agreement) -> list[str]:
-    """Limits of the mean residuals where none differs clearly."""
-    widest = found.widest
-    if widest is None:
-        return []
-    reach = f"{number(widest.reach_m_s2)} {UNIT} along any axis"
-    if widest.reach_m_s2 <= found.limit_m_s2:
-        return [f"nor do the mean residuals differ by more than {reach}"]
-    most = f"{quantity(widest.reach_m_s2)} {widest.axis}"
-    return [f"whether the mean residuals agree is not known: they may differ by up to {most}"]
-
-
-def _range_of(ci95: tuple[float, float]) -> str:
-    """`from -0.05 to +0.07 m/s²`"""
-    low, high = (f"{end:+.2g}".replace("-", "\u2212") for end in ci95)
-    return f"from {low} to {high} {UNIT} (95%)"
-
-
-def remainder_in_words(found: Remainder, where: str = "") -> str:
-    """Sentences on the error that remains: how far above the reference error, and what explains the difference.
-
-    `where` names the flights, as in ` on the held-out A.csv`.
-    """
-    error, floor = quantity(found.error_m_s2), roughly(found.floor_m_s2)
-    if found.above_the_floor <= 0.0:
-        return f"An error of {error} remains{where}, no more than the reference error of {floor}."
-    if found.is_near_the_floor:
-        above = f"{percent(found.above_the_floor)} above the reference error of {floor}"
-        return f"An error of {error} remains{where}, {above}; the difference is mostly {found.axis}."
-    share, by_causes = percent(found.explained), percent(found.explained_by_causes)
-    remains = f"An error of {error} remains{where}. A regression on all logged variables explains {share} of its square"
-    remains = f"{remains}, mostly {found.axis}, and leaves {floor}, the reference error"
-    if found.explained_by_causes > 0.5 * found.explained or not found.others:
-        return f"{remains}."
-    others = listed([VARIABLE_NAMES[name] for name in found.others])
-    return (
-        f"{remains}; without {others} it explains {by_causes}. What goes with {others} can be a missing effect, or the "
-        "error of a sensor, or the controller's answer to a disturbance: these flights do not tell."
-    )
-
-
-def failure_in_words(failure: Failure) -> str:
-    """Failure without a full stop: `At a height below 2 rotor radii the vehicle gets more thrust than ...`."""
-    return sentence(_FAILURE_WORDS[failure.kind](failure))
-
-
-def _offset_in_words(failure: Failure) -> str:
-    over = "the whole flight" if failure.flights == 1 else "all flights"
-    held = [stretch.flight for stretch in failure.stretches]
-    most = f", most of it in {' and '.join(held)}" if len(held) < min(failure.flights, NAMED_FLIGHTS + 1) else ""
-    return f"on average over {over} {_push_in_words(failure)}{most}"
-
-
-def _range_in_words(failure: Failure) -> str:
-    name, unit = VARIABLE_NAMES[failure.variable], VARIABLE_UNITS[failure.variable]
-    begins, ends = failure.at_edge
-    low, high = (f"{end:.3g}".replace("-", "\u2212") for end in (failure.low, failure.high))
-    where = f"from {low} to {high}"
-    if begins != ends:
-        where = f"below {high}" if begins else f"above {low}"
-    average = ""
-    if failure.average:
-        on_average = abs(failure.average)
-        by = f"{on_average / GRAVITY_M_S2:.1%}" if failure.axis == "up" else f"{on_average:.2f} {UNIT}"
-        average = f" (over all ranges by {by})"
-    return f"at a {name} {where} {unit} {_push_in_words(failure)}{average}{_most_in_words(failure.stretches)}"
-
-
-def _dependence_in_words(failure: Failure) -> str:
-    name, unit = VARIABLE_NAMES[failure.variable], VARIABLE_UNITS[failure.variable]
-    ends = [f"{mean:+.2f} {UNIT} at {at:.3g} {unit}".replace("-", "\u2212") for at, mean in failure.extremes]
-    reach = " and ".join(ends)
-    share = f"{failure.share:.0%} of the squared error on this axis"
-    return f"the {failure.axis} residual depends on the {name}: {reach} on average, {share}"
-
-
-_FAILURE_WORDS = {"offset": _offset_in_words, "range": _range_in_words, "dependence": _dependence_in_words}
-
-
-def _push_in_words(failure: Failure) -> str:
-    mean = failure.mean_residual
-    if failure.axis == "up":
-        more, share = "more" if mean > 0.0 else "less", abs(mean) / GRAVITY_M_S2
-        return f"the vehicle gets {more} thrust than the model says, by {share:.1%} of its weight"
-    direction = {"north": ("north", "south"), "east": ("east", "west")}[failure.axis][0 if mean > 0.0 else 1]
-    return f"the vehicle is pushed {direction} by {abs(mean):.2f} {UNIT} more than the model says"
-
-
-def _most_in_words(found: Sequence[Stretch]) -> str:
-    """`, mostly in HOVERING.csv between 12 and 31 s`"""
-    if not found:
-        return ""
-    whole = [f"throughout {stretch.flight}" for stretch in found if stretch.whole]
-    part = [f"in {s.flight} between {s.begin_s:.0f} and {s.end_s:.0f} s" for s in found if not s.whole]
-    if len(found) > NAMED_FLIGHTS:
-        most = (whole if found[0].whole else [f"mostly {each}" for each in part])[0]
-        return f", in {len(found)} flights, of which the most {most}"
-    mostly = [f"mostly {' and '.join(part)}"] if part else []
-    return f", {' and '.join([*mostly, *whole] if not found[0].whole else [*whole, *mostly])}"
-
-
-def followed_in_words(found: Sequence[Failure], dataset: Dataset) -> str:
-    """Sentence on the failures whose variable follows disturbances, so that it need not be a cause (see
-    `Dataset.is_flown`); empty where there is none."""
-    names = dict.fromkeys(VARIABLE_NAMES[f.variable] for f in found if not dataset.is_flown(f.variable))
-    if not names:
-        return ""
-    flights = "In this flight" if len(dataset.flights) == 1 else "In these flights"
-    verb, them = ("follows", "it") if len(names) == 1 else ("follow", "them")
-    return (
-        f"{flights} the {listed(list(names))} {verb} disturbances, which the controller counters, more than the "
-        f"motion: a residual that depends on {them} may come from the controller, and not from a missing effect."
-    )
-
-
-def untold_in_words(found: Sequence[Failure], errors: Mapping[str, float]) -> str:
-    """Sentence on the axes that hold much of the squared error, of which none of all failures `found` explains more
-    than next to nothing; empty where there is none. `errors` are the RMSE per axis, m/s^2."""
-    whole = sum(errors[axis] ** 2 for axis in AXES)
-    explained = {failure.axis for failure in told(found, len(found))}
-    share = {axis: errors[axis] ** 2 / whole for axis in AXES if axis not in explained} if whole > 0.0 else {}
-    untold = [axis for axis in share if share[axis] >= MUCH]
-    if not untold:
-        return ""
-    errors_in_words = [
-        f"{axis} ({quantity(errors[axis])}, {percent(share[axis])} of the squared error)" for axis in untold
-    ]
-    return f"Along {listed(errors_in_words)} no logged variable explains much of the error."
-
-
 def label_of(variable: str) -> str:
     """Axis label of a variable with its unit, such as `climb rate / m/s`."""
     return f"{VARIABLE_NAMES[variable]} / {VARIABLE_UNITS[variable]}"
+
+
+IF_IT_FLEW: Template = When("vehicle", ", if the vehicle is {vehicle}")
+"""Condition of a verdict, before its full stop (see `reservations.vehicle_in_words`)."""
+
+_PUSH: Template = By(
+    "direction",
+    {
+        "more": "the vehicle gets more thrust than the model says, by {weight_share:.1%} of its weight",
+        "less": "the vehicle gets less thrust than the model says, by {weight_share:.1%} of its weight",
+    },
+    "the vehicle is pushed {direction} by {size_m_s2:.2f} m/s² more than the model says",
+)
+_FITTED: Template = By(
+    "fitted",
+    {
+        "these": " fitted to {reference:flights}",
+        "others": " fitted to the other flights each time",
+        "all": " fitted to all flights",
+    },
+)
+_JUDGED: Template = ("{judged:flights}", When("differs_most", ", which differs most,"))
+_PREDICTS: Template = ("The model", _FITTED, " predicts ", _JUDGED)
+_LIMIT = "{limit_m_s2:number}, {close:percent} of the error on {reference:flights}, that count as none"
+_BIAS: Template = When("whole_flights", "per-flight bias included", "apart from the per-flight bias")
+_HELD_OUT: Template = When(
+    "whole_flights",
+    "held-out flights (cross-validation)",
+    f"held-out blocks of {BLOCK_S:.0f} s ({FOLDS}-fold cross-validation)",
+)
+_REMAINS = ("An error of {error_m_s2:m/s²} remains", When("flights", " on the held-out {flights:listed}"))
+
+
+NAMED_FLIGHTS = 2
+"""Most flights that a sentence names."""
+
+
+def _stretches(found: Sequence[Any]) -> str:
+    """`mostly in HOVERING.csv (12 to 31 s)`, `throughout HOVERING.csv`; of many flights, the first."""
+    parts = [
+        f"throughout {s.flight}" if s.whole else f"mostly in {s.flight} ({s.begin_s:.0f} to {s.end_s:.0f} s)"
+        for s in found
+    ]
+    return listed(parts) if len(parts) <= NAMED_FLIGHTS else f"in {len(parts)} flights, {parts[0]}"
+
+
+FORMATS: Mapping[str, Format] = {
+    "listed": lambda words: listed(list(map(str, words))),
+    "Listed": lambda names: sentence(listed(names)),
+    "families": lambda names: listed([plain(name) for name in names]),
+    "semicolons": lambda parts: "; ".join(map(str, parts)),
+    "flights": flights_in_words,
+    "stretches": _stretches,
+    "variable": lambda name: str(VARIABLE_NAMES[name]),
+    "variables": lambda names: listed([VARIABLE_NAMES[name] for name in names]),
+    "unit": lambda name: str(VARIABLE_UNITS[name]),
+    "number": number,
+    "m/s²": quantity,
+    "roughly": roughly,
+    "percent": percent,
+    "of_g": share_of_g,
+    "change": change_in_words,
+    "p": p_in_words,
+    "end": lambda end: f"{end:.3g}".replace("-", "\u2212"),
+    "signed": lambda mean: f"{mean:+.2f}".replace("-", "\u2212"),
+    "interval": lambda ends: "[{:+.2g}, {:+.2g}]".format(*ends).replace("-", "\u2212"),
+    "range": lambda ends: "from {:+.2g} to {:+.2g} m/s² (95%)".format(*ends).replace("-", "\u2212"),
+}
+
+
+@unique
+class Said(Kinds, words=Words(FORMATS)):
+    """Facts about the errors of a model, each with its template."""
+
+    VARIANCE = When(
+        "better",
+        "The model explains {explained:percent} of the acceleration's variance.",
+        "The model is worse than predicting the mean acceleration.",
+    )
+    NO_FAILURE = ("{model} has no significant error in any range of a variable", IF_IT_FLEW, ".")
+    OFFSET = (
+        "On average over ",
+        By("flights", {1: "the whole flight"}, "all flights"),
+        " ",
+        _PUSH,
+        When("mostly_in", ", most of it in {mostly_in:and}"),
+    )
+    RANGE = (
+        "At a {variable:variable} ",
+        By(
+            "at_edge",
+            {(True, False): "below {high:end}", (False, True): "above {low:end}"},
+            "from {low:end} to {high:end}",
+        ),
+        " {variable:unit} ",
+        _PUSH,
+        When(
+            "average",
+            (" (over all ranges by ", By("axis", {"up": "{average_share:.1%}"}, "{average_m_s2:.2f} m/s²"), ")"),
+        ),
+        When("stretches", ", {stretches:stretches}"),
+    )
+    DEPENDENCE = (
+        "The {axis} residual depends on the {variable:variable}: {ends:and} on average, {share:.0%} of the squared "
+        "error on this axis"
+    )
+    MEAN_AT = "{mean_m_s2:signed} m/s² at {at:end} {unit}"
+    FAILS = ("{failure}", IF_IT_FLEW, ".")
+    FOLLOWS = (
+        By("flights", {1: "In this flight"}, "In these flights"),
+        " the {variables:variables} ",
+        By("one", {True: "follows"}, "follow"),
+        " disturbances, which the controller counters, more than the motion: a residual that depends on ",
+        By("one", {True: "it"}, "them"),
+        " may come from the controller, and not from a missing effect.",
+    )
+    UNEXPLAINED = "Along {axes:listed} no logged variable explains much of the error."
+    ERROR_ALONG = "{axis} ({error_m_s2:m/s²}, {share:percent} of the squared error)"
+    DIFFER = "Under this model the flights differ."
+    AGREE = "Under this model the flights agree."
+    MAY_AGREE = "Whether the flights agree under this model is not known."
+    AS_LARGE = "Under this model the error is as large in each flight; whether it is the same is not known."
+    AGREEMENT = "{answer}: {reasons:semicolons}."
+    OTHERWISE = (_PREDICTS, " otherwise than {reference:flights}")
+    AS_WELL = (_PREDICTS, " as well as {reference:flights}")
+    NOT_KNOWN = (
+        "Whether the model",
+        _FITTED,
+        " predicts ",
+        _JUDGED,
+        " as well as {reference:flights} is not known from these flights",
+    )
+    BETTER_OR_WORSE = (
+        _PREDICTS,
+        " {verdict} than {reference:flights}, by {size_m_s2:m/s²} [{least_m_s2:number}, {most_m_s2:number}]",
+    )
+    ERRORS = "its error is {judged_m_s2:m/s²} on {judged:flights} and {reference_m_s2:m/s²} on {reference:flights}"
+    TOO_SHORT = "one of them is too short for an interval"
+    MAY_BE_MORE = f"the difference is anything {{ci95:range}}, which may be more than the {_LIMIT}"
+    IS_LESS = f"the difference is {{ci95:range}}, less than the {_LIMIT}"
+    SHIFT = (
+        "the mean residual {axis}",
+        When("variable", " at a {variable:variable} from {low:.3g} to {high:.3g} {variable:unit}"),
+        " is {judged_m_s2} m/s² on {judged:flights} and {reference_m_s2} m/s² on {reference:flights}, a difference of "
+        "{difference_m_s2} m/s² {ci95:interval}",
+    )
+    NO_SHIFT = "nor do the mean residuals differ by more than {reach_m_s2:m/s²} along any axis"
+    MAY_SHIFT = "whether the mean residuals agree is not known: they may differ by up to {reach_m_s2:m/s²} {axis}"
+    IS_FLOOR = (*_REMAINS, ", no more than the reference error of {floor_m_s2:roughly}.")
+    NEAR_FLOOR = (
+        *_REMAINS,
+        ", {above:percent} above the reference error of {floor_m_s2:roughly}; the difference is mostly {axis}.",
+    )
+    REMAINS = (
+        *_REMAINS,
+        ". A regression on all logged variables explains {explained:percent} of its square, mostly {axis}, and leaves "
+        "{floor_m_s2:roughly}, the reference error",
+        When(
+            "others",
+            "; without {others:variables} it explains {by_causes:percent}. What goes with {others:variables} can be a "
+            "missing effect, the error of a sensor, or the controller's answer to a disturbance: these flights do not "
+            "tell",
+        ),
+        ".",
+    )
+    HELD_OUT = _HELD_OUT
+    BIAS = _BIAS
+    ON_HELD_OUT_FLIGHTS = "per-flight bias included, on the held-out {flights:listed}"
+    AS_IT_STANDS = ("as it stands, ", _BIAS, ", on {flights:flights}")
+    ON_HELD_OUT = (_BIAS, ", on ", _HELD_OUT)
+    OTHER_FLIGHTS = "{effect} holds values of {logs:list}, which are used in this order for {flights:list}"
+    THRUST_ASSUMED = "{names:Listed} assumed: a wrong mass or thrust cannot be told from it"
+    ASSUMED = "Assumed, and not measured: {names:listed}"
+    OPEN_LOOP = "After {horizon_s:g} s the predicted position is off by {position} (velocity held: {held_m:.3g} m)."
+    LOOKS_LIKE = "Looks like {families:families}: these data do not distinguish them."
+
+
+def held_out(dataset: Dataset) -> Fact:
+    """The parts of the data that the fits of a cross-validation leave out by turns."""
+    return fact(Said.HELD_OUT, whole_flights=dataset.whole_flights)
+
+
+def bias_of(seen: Dataset) -> Fact:
+    """Whether an error on held-out parts of `seen` counts the per-flight bias: of a flight which no fit has seen, it is
+    not known."""
+    return fact(Said.BIAS, whole_flights=seen.whole_flights)
+
+
+def where(seen: Dataset, held_out_flights: Sequence[str], as_it_stands: bool = False) -> Fact:
+    """Data that an error is computed on: the flights held out of all fits, or else held-out parts of `seen`, or all of
+    `seen` for a model `as_it_stands`."""
+    if held_out_flights:
+        return fact(Said.ON_HELD_OUT_FLIGHTS, flights=held_out_flights)
+    kind = Said.AS_IT_STANDS if as_it_stands else Said.ON_HELD_OUT
+    return fact(kind, whole_flights=seen.whole_flights, flights=seen.names)

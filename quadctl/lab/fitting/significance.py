@@ -62,7 +62,7 @@ def _attenuation(weights: Floats, predicted: Floats, noise: Floats) -> float:
     answer of a controller to a disturbance. Whatever lowers the gain of the prediction then lowers the residual, too:
     the errors in variables of a regression. The power of such errors is at most that of the residual and that of the
     prediction, at each frequency (the bound of Klepper & Leamer 1984, Econometrica 52, for one regressor; octave by
-    octave, as the share of noise differs). Constant parts belong to the trims.
+    octave, as the share of noise differs). Constant parts belong to the biases.
     """
     change, gain, error = (rfft(values, axis=0) for values in (weights, predicted, noise))
     largest = 0.0

@@ -38,6 +38,7 @@ from quadctl.model import Model
 from quadctl.numeric import Vector
 from quadctl.surfaces import read_place
 from quadctl.vehicle import Vehicle
+from quadctl.words import Fact
 
 MAX_BANDWIDTH_HZ = 3.0
 BANDWIDTH_PER_UPDATE_RATE = 0.35
@@ -133,7 +134,7 @@ def _sha256(log: FlightLog) -> str:
         return hashlib.file_digest(file, "sha256").hexdigest()
 
 
-def _refuse(name: str, problem: str | None) -> None:
+def _refuse(name: str, problem: Fact | str | None) -> None:
     if problem:
         raise LogError(f"{name}: {problem}")
 
@@ -143,12 +144,7 @@ def _require(record: Record, matters: Callable[[Finding], bool]) -> None:
     _refuse(record.log.name, next((worded(found) for found in record.obstacles if matters(found)), None))
 
 
-def prepare_all(logs: Sequence[FlightLog], vehicle: Vehicle) -> list[Flight]:
-    """Prepare all logs; raises LogError for the first that cannot be analysed."""
-    return [prepare(log, vehicle) for log in logs]
-
-
-def _thrust_problem(log: FlightLog, signals: Signals, vehicle: Vehicle) -> str | None:
+def _thrust_problem(log: FlightLog, signals: Signals, vehicle: Vehicle) -> Fact | None:
     total = np.sum([channel.at(log.time_s) for channel in signals.rotor], axis=0)
     return thrust_problem(total, signals.position[2].at(log.time_s), vehicle, signals.thrust_source)
 

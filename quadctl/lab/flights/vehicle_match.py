@@ -1,6 +1,7 @@
 """Check that a log was flown by the given vehicle; the parameters of another one would look like missing physics."""
 
 import math
+from enum import unique
 from typing import Any
 
 import numpy as np
@@ -9,6 +10,7 @@ from scipy.optimize import linear_sum_assignment
 from quadctl.logs.findings import Finding, Kind, finding
 from quadctl.logs.flight_log import FlightLog, Floats
 from quadctl.vehicle import Vehicle
+from quadctl.words import By, Fact, Kinds, When, fact
 
 MAX_THRUST_FACTOR = 2.5
 """Largest ratio of the rotors' thrust to the weight in flight, or of the weight to the thrust: more is another vehicle
@@ -30,15 +32,56 @@ MIN_LIFT_CORRELATION = 0.7
 MAX_ACCELERATION_FACTOR = 2.5
 """Largest slope of vertical acceleration over thrust by mass; less may be a thrust scale."""
 
-_SPEED_UNITS = {
-    math.pi / 30.0: "are the rotor speeds in rad/s",
-    1.0 / 60.0: "are the rotor speeds in revolutions per second",
-}
+_SPEED_UNITS = {math.pi / 30.0: "rad/s", 1.0 / 60.0: "revolutions per second"}
 _POLE_PAIRS = range(3, 29)
 
 
-def sidecar_problem(log: FlightLog, vehicle: Vehicle) -> str | None:
-    """Problem with the vehicle named in the log's sidecar, as a sentence; None where it is the given one or none is
+@unique
+class Mismatch(Kinds):
+    """Contradictions between a log and its vehicle, each with its template."""
+
+    OTHER_VEHICLE = (
+        "its sidecar says that '{flown}' flew it ({name} {theirs:g}), expected the vehicle of the model, '{vehicle}' "
+        "({name} {ours:g})"
+    )
+    OTHER_WEIGHT = (
+        "by the {source} and the vehicle '{vehicle}' the rotors give {thrust_n:.3g} N in flight, {factor:.2g} times "
+        "its weight of {weight_n:.3g} N, expected about once: ",
+        By(
+            "source",
+            {
+                "thrust command": "is thrust_cmd_n the thrust of all rotors in newtons, and is mass_kg that of the "
+                "vehicle that flew?",
+                "rotor speed": When(
+                    "unit",
+                    "are the rotor speeds in {unit}?",
+                    (
+                        "are mass_kg and thrust_n_per_rpm2 those of the vehicle that flew",
+                        When("pole_pairs", ", or the speeds electrical ({pole_pairs} pole pairs)"),
+                        "?",
+                    ),
+                ),
+            },
+            "is the signal between 0 and 1, and are mass_kg and throttle those of the vehicle that flew?",
+        ),
+    )
+    UPSIDE_DOWN = (
+        "vz_m_s falls when the rotors give more thrust (correlation {correlation:.2f}), expected it to rise: are z_m "
+        "and vz_m_s up?"
+    )
+    NO_METRES = (
+        "vz_m_s speeds up {factor:.3g} times as much as the rotors' thrust over mass_kg says, expected about once: are "
+        "z_m and vz_m_s in metres?"
+    )
+    MOTOR_ORDER = (
+        "its rotor speeds do not turn the vehicle as it turns (correlation of the roll and pitch moments "
+        "{as_logged[0]:.2f} and {as_logged[1]:.2f}), but in the order {order:list} they do ({best[0]:.2f} and "
+        "{best[1]:.2f}), expected the order of rotors of the vehicle '{vehicle}'"
+    )
+
+
+def sidecar_problem(log: FlightLog, vehicle: Vehicle) -> Fact | None:
+    """Problem with the vehicle named in the log's sidecar; None where it is the given one or none is
     named."""
     flown = log.meta.get("vehicle")
     if not isinstance(flown, dict) or flown.get("name") in (None, vehicle.name):
@@ -54,15 +97,13 @@ def sidecar_problem(log: FlightLog, vehicle: Vehicle) -> str | None:
     }
     for name, (theirs, ours) in said.items():
         if isinstance(theirs, int | float) and abs(theirs - ours) > MAX_SETTING_DIFFERENCE * ours:
-            return (
-                f"its sidecar says that '{flown['name']}' flew it ({name} {theirs:g}), "
-                f"expected the vehicle of the model, '{vehicle.name}' ({name} {ours:g})"
-            )
+            both = {"flown": flown["name"], "vehicle": vehicle.name, "name": name, "theirs": theirs, "ours": ours}
+            return fact(Mismatch.OTHER_VEHICLE, **both)
     return None
 
 
-def thrust_problem(total_n: Floats, z_m: Floats, vehicle: Vehicle, source: str) -> str | None:
-    """Problem with the thrust, as a sentence: it carries another weight; None where it fits, or the vehicle stays on
+def thrust_problem(total_n: Floats, z_m: Floats, vehicle: Vehicle, source: str) -> Fact | None:
+    """Problem with the thrust: it carries another weight; None where it fits, or the vehicle stays on
     the ground.
 
     `total_n`: nominal thrust of all rotors over the whole log, shape (n,); `z_m`: altitude, shape (n,).
@@ -74,10 +115,17 @@ def thrust_problem(total_n: Floats, z_m: Floats, vehicle: Vehicle, source: str) 
     rises = float(np.diff(np.nanquantile(z_m[working], [0.02, 0.98]))[0]) > MIN_HEIGHT_CHANGE_M
     if factor < MAX_THRUST_FACTOR and (factor > 1.0 / MAX_THRUST_FACTOR or not rises):
         return None
-    return (
-        f"by the {source} and the vehicle '{vehicle.name}' the rotors give {factor * vehicle.weight_n:.3g} N in "
-        f"flight, {factor:.2g} times its weight of {vehicle.weight_n:.3g} N, expected about once: "
-        f"{_reason(factor, source)}"
+    of_speed = math.sqrt(factor)
+    pairs = round(of_speed)
+    return fact(
+        Mismatch.OTHER_WEIGHT,
+        source=source,
+        vehicle=vehicle.name,
+        thrust_n=factor * vehicle.weight_n,
+        factor=factor,
+        weight_n=vehicle.weight_n,
+        unit=next((unit for known, unit in _SPEED_UNITS.items() if 0.8 < of_speed / known < 1.25), ""),
+        pole_pairs=pairs if pairs in _POLE_PAIRS else None,
     )
 
 
@@ -94,24 +142,10 @@ def weight_doubt(factor: float, vehicle: Vehicle, source: str) -> Finding | None
     )
 
 
-def _reason(factor: float, source: str) -> str:
-    if source == "thrust command":
-        return "is thrust_cmd_n the thrust of all rotors in newtons, and is mass_kg that of the vehicle that flew?"
-    if source != "rotor speed":
-        return "is the signal between 0 and 1, and are mass_kg and throttle those of the vehicle that flew?"
-    of_speed = math.sqrt(factor)
-    for known, words in _SPEED_UNITS.items():
-        if 0.8 < of_speed / known < 1.25:
-            return f"{words}?"
-    numbers = "are mass_kg and thrust_n_per_rpm2 those of the vehicle that flew"
-    pairs = round(of_speed)
-    return f"{numbers}, or the speeds electrical ({pairs} pole pairs)?" if pairs in _POLE_PAIRS else f"{numbers}?"
-
-
 def motion_problem(
     measured: Floats, thrust_n: Floats, torque: Floats | None, lean: Floats, vehicle: Vehicle
-) -> str | None:
-    """Problem with the motion, as a sentence: the vehicle does not move as its rotors drive it; None if it does or
+) -> Fact | None:
+    """Problem with the motion: the vehicle does not move as its rotors drive it; None if it does or
     hardly moves.
 
     All arguments have the same filter: `measured`, acceleration north, east, up, m/s^2, shape (n, 3); `thrust_n`,
@@ -123,22 +157,16 @@ def motion_problem(
     )
 
 
-def _upside_down(up: Floats, by_thrust: Floats) -> str | None:
+def _upside_down(up: Floats, by_thrust: Floats) -> Fact | None:
     """Compare vertical acceleration with thrust over mass, both of shape (n,): opposite sign, or another unit."""
     if not np.std(by_thrust) or not np.std(up):
         return None
     correlation = float(np.corrcoef(by_thrust, up)[0, 1])
     if correlation < -MIN_LIFT_CORRELATION:
-        return (
-            f"vz_m_s falls when the rotors give more thrust (correlation {correlation:.2f}), "
-            "expected it to rise: are z_m and vz_m_s up?"
-        )
+        return fact(Mismatch.UPSIDE_DOWN, correlation=correlation)
     factor = correlation * float(np.std(up) / np.std(by_thrust))
     if correlation > MIN_LIFT_CORRELATION and factor > MAX_ACCELERATION_FACTOR:
-        return (
-            f"vz_m_s speeds up {factor:.3g} times as much as the rotors' thrust over mass_kg says, expected about "
-            "once: are z_m and vz_m_s in metres?"
-        )
+        return fact(Mismatch.NO_METRES, factor=factor)
     return None
 
 
@@ -152,7 +180,7 @@ def _without(lean: Floats, values: Floats) -> Floats:
     return np.asarray(values - columns @ np.linalg.lstsq(columns, values, rcond=None)[0])
 
 
-def _motor_order(needed: Floats, thrust: Floats, vehicle: Vehicle) -> str | None:
+def _motor_order(needed: Floats, thrust: Floats, vehicle: Vehicle) -> Fact | None:
     """Compare the rotors' roll and pitch moments with those `needed`; find the order of motors that fits best.
 
     The order whose moments have the largest covariance with the measured ones is the solution of a linear assignment
@@ -168,11 +196,8 @@ def _motor_order(needed: Floats, thrust: Floats, vehicle: Vehicle) -> str | None
         return None
     if np.min(np.sum(made * needed, axis=0) / np.sum(made**2, axis=0)) < MIN_SHARE_OF_MOMENT:
         return None
-    return (
-        "its rotor speeds do not turn the vehicle as it turns (correlation of the roll and pitch moments "
-        f"{as_logged[0]:.2f} and {as_logged[1]:.2f}), but in the order {', '.join(str(i + 1) for i in order)} they do "
-        f"({best[0]:.2f} and {best[1]:.2f}), expected the order of rotors of the vehicle '{vehicle.name}'"
-    )
+    known = {"as_logged": as_logged, "best": best, "vehicle": vehicle.name}
+    return fact(Mismatch.MOTOR_ORDER, order=[int(i) + 1 for i in order], **known)
 
 
 def _correlations(made: Floats, needed: Floats) -> list[float]:

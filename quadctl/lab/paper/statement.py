@@ -74,7 +74,7 @@ class Statement:
 
     @property
     def hold_out(self) -> str:
-        return held_out(self.dataset)
+        return str(held_out(self.dataset))
 
     def to_dict(self) -> dict[str, Any]:
         return {

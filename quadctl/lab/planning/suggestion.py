@@ -8,6 +8,7 @@ predictions, the noise of the data so far, and the priors of the nuisances.
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from enum import unique
 from pathlib import Path
 from typing import Any
 
@@ -36,6 +37,7 @@ from quadctl.lab.selection.trial import fit_on_top
 from quadctl.lab.threads import one_blas_thread
 from quadctl.missions import Mission, load_mission, mission_files
 from quadctl.model import Model
+from quadctl.words import Fact, Kinds, fact
 
 ENOUGH_SIGMAS = 15.0
 """Expected distance of confounded effects, in standard deviations, at which they count as separated, with a margin for
@@ -79,6 +81,27 @@ class Option:
             "tries": self.tries,
             "gains": dict(zip(("look_alikes", "interval", "untried"), self.gains, strict=True)),
         }
+
+
+@unique
+class Said(Kinds):
+    """Parts of a suggestion, each with its template."""
+
+    DISTINGUISHES = "It tells {one} from {other} by {sigma:.1f} standard deviations."
+    IDENTIFIES = "It identifies {parameter}, which these flights do not, to {width}."
+    NARROWS = "It narrows the interval of {parameter} to {share:.0%} of its width."
+    LEFT_OUT = "Left out: {reason}."
+    SURFACE = (
+        "The surface that is least known is {surface}; over it: quadctl fly missions/surface_heights.yaml --set "
+        "surface={surface}"
+    )
+    TESTABLE = "It makes these effects testable: {effects:list}."
+    FLY = "Fly next: {command}"
+    NONE_TELLS_MORE = "No flight is suggested: none of these missions would give more information."
+    NO_CANDIDATE = (
+        "No flight is suggested: no candidate explains the unexplained part, so the missions cannot be compared."
+    )
+    NO_QUESTION = "No flight is suggested: no question is open."
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -133,45 +156,33 @@ class Suggestion(Result):
             row += [_plus_minus(option.width)] if option.width is not None else []
             row += [f"{len(option.tries)} of {len(self.untried)}"] if self.untried else []
             table.add_row(*row, f"{option.mission.duration_s:.0f}")
-        return Group(table, Text("\n".join(self.lines())))
+        return Group(table, Text("\n".join(map(str, self.answer))))
 
-    def reasons(self) -> list[str]:
-        """Sentences that say what the best option is expected to tell; none where no flight is suggested."""
+    @property
+    def reasons(self) -> list[Fact]:
+        """What the best option is expected to tell; none where no flight is suggested."""
         best = self.best
         if best is None:
             return []
-        apart = [
-            f"It tells {one} from {other} by {sigma:.1f} standard deviations."
-            for (one, other), sigma in zip(self.pairs, best.sigmas, strict=True)
-        ]
-        return [*apart, *self._narrowed_by(best)]
+        pairs = zip(self.pairs, best.sigmas, strict=True)
+        found = [fact(Said.DISTINGUISHES, one=one, other=other, sigma=sigma) for (one, other), sigma in pairs]
+        if self.width is not None and best.width is not None and best.width < self.width:
+            kind = Said.IDENTIFIES if self.width >= UNKNOWN else Said.NARROWS
+            widths = {"width": _plus_minus(best.width), "share": best.width / self.width}
+            found.append(fact(kind, parameter=self.parameter, **widths))
+        return found
 
-    def _narrowed_by(self, option: Option) -> list[str]:
-        """Sentence on what `option` tells of the parameter; none where it tells nothing of it."""
-        if self.width is None or option.width is None or option.width >= self.width:
-            return []
-        if self.width >= UNKNOWN:
-            return [f"It tells {self.parameter}, which these flights do not, to {_plus_minus(option.width)}."]
-        return [f"It narrows the interval of {self.parameter} to {option.width / self.width:.0%} of its width."]
-
-    def lines(self) -> list[str]:
-        """Sentences that state the suggestion."""
-        lines = [f"Left out: {reason}." for reason in self.left_out]
-        if self.surface is not None:
-            flight = f"quadctl fly missions/surface_heights.yaml --set surface={self.surface}"
-            lines.append(f"The surface that is least known is {self.surface}; over it: {flight}")
+    @property
+    def answer(self) -> list[Fact]:
+        """What is left out, and the suggestion."""
+        found = [fact(Said.LEFT_OUT, reason=reason) for reason in self.left_out]
+        found += [] if self.surface is None else [fact(Said.SURFACE, surface=self.surface)]
         if self.best is not None:
-            lines += [f"It makes these effects testable: {', '.join(self.best.tries)}."] if self.best.tries else []
-            return [*lines, f"Fly next: {self.best.command}"]
+            found += [fact(Said.TESTABLE, effects=self.best.tries)] if self.best.tries else []
+            return [*found, fact(Said.FLY, command=self.best.command)]
         asked = self.pairs or self.untried or (self.width is not None and self.width > NARROW)
-        why = (
-            "none of these missions would give more information"
-            if asked
-            else "no candidate explains the unexplained part, so the missions cannot be compared"
-            if self.unexplained
-            else "no question is open"
-        )
-        return [*lines, f"No flight is suggested: {why}."]
+        unknown = Said.NO_CANDIDATE if self.unexplained else Said.NO_QUESTION
+        return [*found, fact(Said.NONE_TELLS_MORE if asked else unknown)]
 
 
 @dataclass(frozen=True, eq=False)

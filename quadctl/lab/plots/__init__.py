@@ -3,9 +3,9 @@
 from quadctl.lab.plots.bars import before_after
 from quadctl.lab.plots.candidates import chosen, ranking
 from quadctl.lab.plots.effect import effect_over_variable
-from quadctl.lab.plots.error_ladder import ladder
 from quadctl.lab.plots.ground import thrust_ratio
 from quadctl.lab.plots.mission_gains import mission_gains
+from quadctl.lab.plots.model_sequence import model_sequence
 from quadctl.lab.plots.open_loop import open_loop_errors
 from quadctl.lab.plots.over_time import acceleration_over_time
 from quadctl.lab.plots.over_variable import residual_over_variable
@@ -19,8 +19,8 @@ __all__ = [
     "before_after",
     "chosen",
     "effect_over_variable",
-    "ladder",
     "mission_gains",
+    "model_sequence",
     "open_loop_errors",
     "ranking",
     "residual_over_variable",

@@ -10,8 +10,6 @@ from quadctl.lab.comparison.failures import most_telling
 from quadctl.lab.comparison.reservations import is_of_the_thrust, thrust_reservation
 from quadctl.lab.comparison.wording import (
     change_in_words,
-    count,
-    failure_in_words,
     flights_in_words,
     held_out,
     listed,
@@ -28,6 +26,8 @@ from quadctl.lab.report.parts import Cell, Figure, Section, Table, both_widths, 
 from quadctl.lab.report.results import Results
 from quadctl.lab.selection.addition import Addition
 from quadctl.lab.selection.effect_curves import effect_curves, ratio_curve
+from quadctl.lab.words import Answer
+from quadctl.words import Fact, count, fact
 
 
 def before_and_after(r: Results) -> Section | None:
@@ -54,7 +54,7 @@ def before_and_after(r: Results) -> Section | None:
         places = len(r.after.fails_where)
         text.append(
             f"There the improved model still fails in {count(places, 'range')}. "
-            f"{failure_in_words(most_telling(r.after.fails_where)[0])}."
+            f"{most_telling(r.after.fails_where)[0].said}."
             if places
             else "There the improved model has no significant error in any range of a variable."
         )
@@ -99,17 +99,18 @@ def fitted_effects(r: Results) -> Section | None:
     a = r.addition
     if a is None:
         return None
-    text, figures, rows = [], [], []
+    text: list[str] = []
+    figures, rows = [], []
     order = list(range(len(a.model.stack)))[::-1]  # what was added last is what the page is about
     for index in order:
         item = a.model.stack[index]
         ci95 = item.fitted.ci95 if item.fitted else {}
-        reservation = thrust_reservation(a.model.vehicle, a.dataset) if is_of_the_thrust(item.effect) else ""
-        note = " ".join(said for said in (item.effect.source, reservation) if said)
+        reservation = thrust_reservation(a.model.vehicle, a.dataset) if is_of_the_thrust(item.effect) else None
+        note = " ".join([item.effect.source, *([] if reservation is None else [f"{reservation}."])])
         rows.append([Cell(item.effect.name, note), Cell(parameters_in_text(item.effect, ci95))])
         if isinstance(item.effect, NearGround):
             sentences, figure = _ground_effect(a, index)
-            text += sentences
+            text += map(str, sentences)
             figures.append(figure)
         else:
             figures += _other_effect(a, index)
@@ -130,19 +131,14 @@ def fitted_effects(r: Results) -> Section | None:
     )
 
 
-def _ground_effect(a: Addition, index: int) -> tuple[list[str], Figure]:
+def _ground_effect(a: Addition, index: int) -> tuple[list[Fact], Figure]:
     curve = ratio_curve(a, index)
     lowest = max(curve.data_range[0], float(curve.height_over_radius[0]))
     ratio, low, high = (
         float(np.interp(lowest, curve.height_over_radius, y)) for y in (curve.ratio, curve.low, curve.high)
     )
-    sure = f"95% interval {low:.3f} to {high:.3f}" if high > low else "the form has no free parameter"
-    text = [
-        f"At the lowest height flown, {lowest:.2f} rotor radii, the rotors give {ratio:.3f} times the thrust they give "
-        f"far from the ground ({sure}).",
-        "Dots are the measured thrust divided by the prediction without this effect. They assume no form: where they "
-        "differ from the curve, the fitted form is wrong.",
-    ]
+    facts = {"height_over_radius": lowest, "ratio": ratio, "low": low, "high": high, "fitted": high > low}
+    text = [fact(Answer.AT_LOWEST, **facts), fact(Answer.DOTS)]
     name = a.model.effects[index].name
     figure = both_widths(
         f"ratio-{index}",

@@ -7,15 +7,13 @@ import numpy as np
 from quadctl.frames import GRAVITY_M_S2
 from quadctl.lab import plots
 from quadctl.lab.comparison.comparison import Comparison
-from quadctl.lab.comparison.failures import told
-from quadctl.lab.comparison.open_loop import OpenLoop, open_loop, open_loop_in_words
+from quadctl.lab.comparison.failures import followed, told, unexplained
+from quadctl.lab.comparison.open_loop import OpenLoop, open_loop
 from quadctl.lab.comparison.wording import (
     FLOOR,
     UNIT,
-    count,
-    failure_in_words,
+    Said,
     flights_in_words,
-    followed_in_words,
     held_out,
     listed,
     p_in_words,
@@ -24,14 +22,13 @@ from quadctl.lab.comparison.wording import (
     quantity,
     roughly,
     sentence,
-    untold_in_words,
-    variance_in_words,
 )
 from quadctl.lab.flights.flight import VARIABLE_NAMES, Flight
 from quadctl.lab.flights.prediction import AXES, predict
 from quadctl.lab.report.numbers import floor_total, rmse_interval, total
 from quadctl.lab.report.parts import Cell, Figure, Section, Table, both_widths, figure
 from quadctl.lab.report.results import ADDED, Results
+from quadctl.words import count, fact
 
 SHOWN_FLIGHTS, SHOWN_PANELS, SHOWN_FAILURES = 2, 6, 12
 
@@ -82,7 +79,7 @@ def over_time(r: Results) -> Section:
         f"The difference between the coloured and the black line is the acceleration error of {c.model.name}: "
         f"{quantity(c.rmse['total'])} (RMSE over all axes, 95% interval {low:.3g} to {high:.3g}), largest on the "
         f"{worst} axis ({quantity(c.rmse[worst])}).",
-        f"{variance_in_words(c.explained)} The reference error is {roughly(floor_total(r))}: {FLOOR}.",
+        f"{c.variance} The reference error is {roughly(floor_total(r))}: {FLOOR}.",
     ]
     if r.shown.errors_m_s2 is not None:
         text.append(
@@ -124,7 +121,7 @@ def open_loop_section(r: Results) -> Section | None:
     if not c.open_loop:
         return None
     text = [
-        open_loop_in_words(_told(c.open_loop)),
+        str(_told(c.open_loop).said),
         "Simulations with the model start at many instants of the flights. Their inputs are the logged attitude and "
         "rotor speeds; height and velocity are simulated. Brackets and error bars are 95% intervals. The grey line "
         "(velocity held) is the baseline without a model: the velocity stays as it was at the start.",
@@ -133,7 +130,7 @@ def open_loop_section(r: Results) -> Section | None:
     seen = {c.model.name: c.open_loop}
     if r.improved is not None and r.improved.open_loop:
         seen |= {ADDED: r.improved.open_loop}
-        text.insert(1, f"{sentence(ADDED)}: {open_loop_in_words(_told(r.improved.open_loop))}")
+        text.insert(1, f"{sentence(ADDED)}: {_told(r.improved.open_loop).said}")
     figures = [figure(plots.open_loop_errors(seen), "open-loop", f"Flights analysed: {names}.")]
     rows = [row for name, errors in seen.items() for row in _open_loop_rows(name, errors)]
     if r.after is not None and r.after.open_loop:
@@ -212,16 +209,10 @@ def where_it_still_fails(r: Results) -> Section | None:
 
 def _failures(c: Comparison, anchor: str, title: str, name: str) -> Section:
     if not c.fails_where:
-        return Section(anchor, title, [f"{name} has no significant error in any range of a variable."])
+        return Section(anchor, title, [str(fact(Said.NO_FAILURE, model=name))])
     shown = told(c.fails_where, SHOWN_FAILURES)
     rows = [
-        [
-            Cell(failure_in_words(f)),
-            Cell(plus(f.mean_residual)),
-            Cell(f"{abs(f.sigma):.0f}"),
-            Cell(str(f.n)),
-        ]
-        for f in shown
+        [Cell(str(f.said)), Cell(plus(f.mean_residual)), Cell(f"{abs(f.sigma):.0f}"), Cell(str(f.n))] for f in shown
     ]
     text = [
         f"{count(len(c.fails_where), 'range')} in which the mean residual differs significantly from zero. "
@@ -229,7 +220,7 @@ def _failures(c: Comparison, anchor: str, title: str, name: str) -> Section:
         "Ranges of different variables may have the same cause. Those with the largest squared error come first."
     ]
     more = len(c.fails_where) - len(shown)
-    said = (followed_in_words(shown, c.dataset), untold_in_words(c.fails_where, c.rmse))
+    said = (followed(shown, c.dataset), unexplained(c.fails_where, c.rmse))
     return Section(
         anchor,
         title,
@@ -237,6 +228,6 @@ def _failures(c: Comparison, anchor: str, title: str, name: str) -> Section:
         tables=[Table(["where and how", f"mean residual / {UNIT}", "sigma", "samples"], rows)],
         after_text=[
             *([f"{count(more, 'range')} more, with smaller errors, are not listed."] if more else []),
-            *(part for part in said if part),
+            *(str(part) for part in said if part is not None),
         ],
     )

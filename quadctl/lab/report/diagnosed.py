@@ -5,15 +5,11 @@ from quadctl.lab.comparison.reservations import is_of_the_thrust, thrust_reserva
 from quadctl.lab.comparison.wording import (
     UNIT,
     change_in_words,
-    count,
     held_out,
     listed,
     number,
     p_in_words,
     parameters_in_text,
-    plain,
-    roughly,
-    sentence,
 )
 from quadctl.lab.finding import Finding, Kind
 from quadctl.lab.flights.flight import VARIABLE_NAMES
@@ -24,7 +20,8 @@ from quadctl.lab.selection.candidate import Candidate
 from quadctl.lab.selection.diagnosis import Diagnosis
 from quadctl.lab.selection.rule import RULE, is_supported
 from quadctl.lab.selection.unseen import of_unseen
-from quadctl.lab.words import in_words
+from quadctl.lab.words import Answer, in_words
+from quadctl.words import Fact, fact
 
 SHOWN_CANDIDATES = 8
 _OTHER_UNITS = {"turning": " N m"}
@@ -49,31 +46,25 @@ def missing(r: Results) -> Section | None:
         )
     if len(d.steps) > 1:
         caption = "Selection steps: held-out error of the given model, then with each missing family added."
-        figures.append(figure(plots.ladder(d, floor), "ladder", caption))
+        figures.append(figure(plots.model_sequence(d, floor), "ladder", caption))
     tables = [_verdict_table(d)]
     if d.ranking:
         tables.append(_ranking_table(d))
     return Section(
         "missing",
         r.titled("What is missing"),
-        _diagnosis_text(d, floor),
+        [in_words(said) for said in _diagnosis_text(d, floor)],
         figures,
         tables=tables,
-        after_text=_look_alikes(d),
+        after_text=[in_words(said) for said in _confounded(d)],
     )
 
 
-def _diagnosis_text(d: Diagnosis, floor: float) -> list[str]:
-    tried = count(len(d.ranking), "effect")
-    text = [
-        f"{tried} of the catalogue were fitted on top of {d.model.name}, each judged on {held_out(d.dataset)}. "
-        "p-values account for autocorrelation and for the number of candidates tried."
-    ]
-    said = [f for f in d.answer if f.kind not in (Kind.EFFECT, Kind.CONFOUNDED, Kind.NEXT_FLIGHT)]
-    if d.verdict == "missing":
-        said += of_unseen(d.unseen, any_missing=True)
-        text.append(f"The reference error is {roughly(floor)}.")
-    return [*map(in_words, said), *text]
+def _diagnosis_text(d: Diagnosis, floor: float) -> list[Finding | Fact]:
+    said: list[Finding | Fact] = [f for f in d.answer if f.kind not in (Kind.EFFECT, Kind.CONFOUNDED, Kind.NEXT_FLIGHT)]
+    said += of_unseen(d.unseen, any_missing=True) if d.verdict == "missing" else []
+    said.append(fact(Answer.TRIED, tried=len(d.ranking), model=d.model.name, held_out=held_out(d.dataset)))
+    return [*said, *([fact(Answer.REFERENCE, floor_m_s2=floor)] if d.verdict == "missing" else [])]
 
 
 def _verdict_table(d: Diagnosis) -> Table:
@@ -129,21 +120,20 @@ def _ranking_table(d: Diagnosis) -> Table:
 
 
 def _candidate_note(c: Candidate, d: Diagnosis, with_physics: bool) -> str:
-    said = [c.effect.physics] if with_physics else []
-    reservation = thrust_reservation(d.model.vehicle, d.dataset) if is_of_the_thrust(c.effect) else ""
-    return " ".join([*said, *(f"Note: {remark}." for remark in c.remarks), *([reservation] if reservation else [])])
+    said: list[str | Fact] = [c.effect.physics] if with_physics else []
+    said += [fact(Answer.NOTE, remark=remark) for remark in c.remarks]
+    reservation = thrust_reservation(d.model.vehicle, d.dataset) if is_of_the_thrust(c.effect) else None
+    return " ".join([*map(str, said), *([] if reservation is None else [f"{reservation}."])])
 
 
-def _look_alikes(d: Diagnosis) -> list[str]:
+def _confounded(d: Diagnosis) -> list[Finding | Fact]:
     by_family = {c.family: c.effect for c in reversed(d.ranking)}
-    text = []
+    found: list[Finding | Fact] = []
     for pair in d.confounded:
         known = [by_family[family] for family in pair if family in by_family]
-        how = "; ".join(f"{plain(effect.family())} is distinguished by {effect.distinguished_by}" for effect in known)
-        text.append(
-            in_words(Finding(Kind.CONFOUNDED, {"family": pair[0], "others": pair[1:]}))
-            + (f" {sentence(how)}." if how else "")
-        )
+        how = [fact(Answer.DISTINGUISHED, family=e.family(), distinguished_by=e.distinguished_by) for e in known]
+        finding = in_words(Finding(Kind.CONFOUNDED, {"family": pair[0], "others": pair[1:]}))
+        found.append(fact(Answer.OTHERS_THAN, finding=finding, distinguished=how))
     if not d.confounded and d.verdict == "missing":
-        text.append("No other effect explains these data as well.")
-    return [*text, *(in_words(f) for f in d.answer if f.kind is Kind.NEXT_FLIGHT)]
+        found.append(fact(Answer.NONE_AS_WELL))
+    return [*found, *(f for f in d.answer if f.kind is Kind.NEXT_FLIGHT)]

@@ -4,7 +4,7 @@ from quadctl.lab import plots
 from quadctl.lab.comparison.wording import plus, sentence
 from quadctl.lab.report.parts import Cell, Section, Table, figure
 from quadctl.lab.report.results import Results
-from quadctl.lab.tracking.step_response import StepResponses, steps_in_words
+from quadctl.lab.tracking.step_response import StepResponses, effect_of_the_ground
 
 
 def step_section(r: Results) -> Section | None:
@@ -29,10 +29,10 @@ def step_section(r: Results) -> Section | None:
     return Section(
         "steps",
         r.titled_last("Step responses"),
-        [*steps_in_words(steps), explained],
+        [*map(str, effect_of_the_ground(steps)), explained],
         figures,
         tables=[_metrics_table(steps)],
-        after_text=[f"{sentence(note)}." for note in steps.table.notes],
+        after_text=[f"{sentence(str(note))}." for note in steps.table.notes],
     )
 
 

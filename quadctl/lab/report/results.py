@@ -10,6 +10,7 @@ from quadctl.vehicle import Vehicle
 
 ADDED = "with what was added"
 """Name of the last model beside the first."""
+BEFORE = "before anything was added"
 
 
 class Shown(NamedTuple):
@@ -20,7 +21,7 @@ class Shown(NamedTuple):
     condition: Vehicle | None = None
     """Vehicle of which nobody has said that it flew, or that the flights contradict."""
     floor_m_s2: float | None = None
-    """Lowest reference error of all steps of the error ladder."""
+    """Lowest reference error of all steps of the model sequence."""
     errors_m_s2: tuple[float, float | None] | None = None
     """Errors of the first and of the current step; None for the second where there is only one step."""
     where: str = ""
@@ -51,4 +52,4 @@ class Results(NamedTuple):
     def titled(self, title: str) -> str:
         """`title` of a section on the model given, which says so where the page also has the model with what was
         added."""
-        return title if self.addition is None else f"{title}: {self.comparison.model.name}, before anything was added"
+        return title if self.addition is None else f"{title}: {self.comparison.model.name}, {BEFORE}"

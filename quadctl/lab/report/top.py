@@ -1,20 +1,9 @@
 """Headline of a report: the main number and the verdict."""
 
 from quadctl.lab.comparison.failures import most_telling
-from quadctl.lab.comparison.reservations import on_condition, reservations
-from quadctl.lab.comparison.wording import (
-    FLOOR,
-    change_in_words,
-    failure_in_words,
-    flights_in_words,
-    held_out,
-    listed,
-    number,
-    percent,
-    plain,
-    quantity,
-    roughly,
-)
+from quadctl.lab.comparison.reservations import reservations
+from quadctl.lab.comparison.wording import FLOOR, Said, change_in_words, held_out, number, percent, roughly
+from quadctl.lab.finding import Finding
 from quadctl.lab.fitting.bootstrap import drop_interval
 from quadctl.lab.report.numbers import (
     floor_total,
@@ -27,97 +16,84 @@ from quadctl.lab.report.numbers import (
 from quadctl.lab.report.parts import Headline, Tile
 from quadctl.lab.report.results import Results
 from quadctl.lab.tracking.step_response import first_and_last
-from quadctl.lab.words import in_words
+from quadctl.lab.words import Answer, in_words
+from quadctl.words import Fact, fact
 
 
 def headline(r: Results) -> Headline:
     before, after, what = _main_number(r)
     vehicle, dataset = r.comparison.model.vehicle, r.comparison.dataset
-    said = (*r.shown.said, *_added(r)) if r.shown.said else (*_verdict(r), *_what_is_left(r))
-    condition = r.shown.condition
-    if condition is None and any(flight.weight_doubt for flight in dataset.flights):
-        condition = vehicle
-    if not r.shown.said:  # the page has said it already
-        said = (on_condition(said[0], condition), *said[1:])
+    if r.shown.said:  # the page has said it already, on its condition
+        said = [*r.shown.said, *_added(r)]
+    else:
+        doubted = any(flight.weight_doubt for flight in dataset.flights)
+        condition = vehicle if r.shown.condition is None and doubted else r.shown.condition
+        said = [in_words(_verdict(r), condition), *map(in_words, _what_is_left(r))]
     change = "" if after is None else change_in_words(1.0 - after / before)
     return Headline(
         before=number(before),
         after="" if after is None else number(after),
         change=change,
-        what=what,
-        sentences=[*said, *reservations(vehicle, dataset)],
+        what=str(what),
+        sentences=[*map(str, said), *(f"{each}." for each in reservations(vehicle, dataset))],
         tiles=_tiles(r),
     )
 
 
-def _main_number(r: Results) -> tuple[float, float | None, str]:
+def _main_number(r: Results) -> tuple[float, float | None, Fact | str]:
     """Error before and after, and the data that it refers to: as on the page; else unseen flights come first, then
     held-out data."""
     if r.shown.errors_m_s2 is not None:
         return *r.shown.errors_m_s2, r.shown.where
     if r.after is not None:
-        flights = flights_in_words(r.after.dataset.names)
-        return unseen_before(r)["total"], r.after.rmse["total"], f"on {flights}, which no fit has seen"
+        unseen = fact(Answer.ON_UNSEEN, flights=r.after.dataset.names)
+        return unseen_before(r)["total"], r.after.rmse["total"], unseen
     if r.diagnosis is not None and len(r.diagnosis.steps) > 1:
         steps = r.diagnosis.steps
-        return steps[0].rmse["total"], steps[-1].rmse["total"], f"on {held_out(r.diagnosis.dataset)}"
+        judged = fact(Answer.ON_HELD_OUT, held_out=held_out(r.diagnosis.dataset))
+        return steps[0].rmse["total"], steps[-1].rmse["total"], judged
     if r.addition is not None:
         a = r.addition
-        return a.before["total"], a.after["total"], f"on {held_out(a.dataset)}"
-    return r.comparison.rmse["total"], None, f"on {flights_in_words(r.comparison.dataset.names)}"
+        return a.before["total"], a.after["total"], fact(Answer.ON_HELD_OUT, held_out=held_out(a.dataset))
+    return r.comparison.rmse["total"], None, fact(Answer.ON_FLIGHTS, flights=r.comparison.dataset.names)
 
 
-def _added(r: Results) -> list[str]:
-    """Sentence on the effects by which the last model differs from the first."""
+def _added(r: Results) -> list[Fact]:
+    """The effects by which the last model differs from the first."""
     if r.addition is None:
         return []
     first = {effect.name for effect in r.comparison.model.effects}
-    new = [plain(effect.family()) for effect in r.addition.model.effects if effect.name not in first]
-    return [f"Added to {r.comparison.model.name}: {listed(new)}."] if new else []
+    new = [effect.family() for effect in r.addition.model.effects if effect.name not in first]
+    return [fact(Answer.ADDED, model=r.comparison.model.name, families=new)] if new else []
 
 
-def _verdict(r: Results) -> list[str]:
-    name = r.comparison.model.name
+def _verdict(r: Results) -> Finding | Fact:
     if r.diagnosis is not None:
-        return [in_words(r.diagnosis.answer[0])]
+        return r.diagnosis.answer[0]
     if r.addition is not None:
-        added = r.addition.added.name
-        if r.addition.conclusion:
-            return [f"{added} does not lower the held-out error significantly: leave it out."]
-        return [f"{added} lowers the held-out error by {percent(r.addition.held_out_drop)}."]
+        kind = Answer.LEAVE_OUT if r.addition.conclusion else Answer.LOWERS
+        return fact(kind, effect=r.addition.added.name, drop=r.addition.held_out_drop)
     if not r.comparison.fails_where:
-        return [f"{name} has no significant error in any range of a variable."]
-    return [f"{failure_in_words(most_telling(r.comparison.fails_where)[0])}."]
+        return fact(Said.NO_FAILURE, model=r.comparison.model.name)
+    return fact(Said.FAILS, failure=most_telling(r.comparison.fails_where)[0].said)
 
 
-def _what_is_left(r: Results) -> list[str]:
+def _what_is_left(r: Results) -> list[Fact]:
     if r.after is not None:
         old, new = unseen_residuals(r)
         low, high = drop_interval(old, new, r.after.dataset.block)
         floor = unseen_floor(r)
         return [
-            f"The error on the unseen data falls by {percent(1.0 - total(new) / total(old))} "
-            f"(95% interval {percent(low)} to {percent(high)}).",
-            f"The remaining error is {r.after.rmse['total'] / floor:.2f} times the reference error of "
-            f"{roughly(floor)}.",
+            fact(Answer.FALLS, drop=1.0 - total(new) / total(old), low=low, high=high),
+            fact(Answer.LEFT, times=r.after.rmse["total"] / floor, floor_m_s2=floor),
         ]
     floor = floor_total(r)
     if r.diagnosis is not None and r.diagnosis.verdict == "missing":
         left = r.diagnosis.steps[-1].rmse["total"]
-        if left < floor:
-            return [
-                f"With these effects, the remaining error is {quantity(left)}, below the reference error of "
-                f"{roughly(floor)}."
-            ]
-        return [
-            f"With these effects, the remaining error is {left / floor:.2f} times the reference error of "
-            f"{roughly(floor)}."
-        ]
+        return [fact(Answer.LEFT_WITH, left_m_s2=left, times=left / floor, above=left >= floor, floor_m_s2=floor)]
     low, high = rmse_interval(r.comparison.residual, r.comparison.dataset)
-    return [
-        f"The acceleration error of the model is {quantity(r.comparison.rmse['total'])} (95% interval {low:.3g} to "
-        f"{high:.3g}); a flexible regression on all logged variables leaves {roughly(floor)}."
-    ]
+    error = r.comparison.rmse["total"]
+    return [fact(Answer.ERROR_OF_MODEL, error_m_s2=error, low=low, high=high, floor_m_s2=floor)]
 
 
 def _tiles(r: Results) -> list[Tile]:

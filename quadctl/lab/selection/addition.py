@@ -11,7 +11,9 @@ from quadctl.lab.flights.dataset import Dataset
 from quadctl.lab.selection.refit import Refit, refitted
 from quadctl.lab.selection.rule import is_significant
 from quadctl.lab.selection.trial import fit_on_top
+from quadctl.lab.words import Answer
 from quadctl.model import Model
+from quadctl.words import fact
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -28,12 +30,12 @@ class Addition(Refit):
 
     @property
     def title(self) -> str:
-        return f"Held-out acceleration error, without and with {self.added.name}"
+        return str(fact(Answer.WITHOUT_AND_WITH, effect=self.added.name))
 
     @property
     def conclusion(self) -> str:
         helps = self.held_out_drop > 0.0 and is_significant(self.p_value)
-        return "" if helps else "The effect does not lower the held-out error significantly: leave it out."
+        return "" if helps else str(fact(Answer.DOES_NOT_LOWER))
 
 
 def add(effect: type[Effect], model: Model, dataset: Dataset, fit: FittedModel | None = None) -> Addition:

@@ -118,6 +118,12 @@ class Diagnosis(Result):
         return measured_of(self.ranking, self.missing)
 
     @property
+    def chosen(self) -> list[Candidate]:
+        """Candidates for the missing effects, in the order of adding."""
+        missing = {step.effect for step in self.steps[1:]}
+        return [candidate for candidate in self.ranking if candidate.effect.name in missing]
+
+    @property
     def timing(self) -> Timing:
         """Timing of the channels of these flights; unknown where the diagnosis was read from a session."""
         return self.dataset.flights[0].timing if self.dataset.flights else UNKNOWN_TIMING

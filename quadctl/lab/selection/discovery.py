@@ -73,9 +73,9 @@ class Discovery(Result):
         return {c.family: c.p_value for c in reversed(self.diagnosis.ranking) if c.family in missing}
 
     def __rich__(self) -> RenderableType:
-        ladder = [(f"+ {step.effect}" if step.family else step.effect, step.rmse) for step in self.diagnosis.steps]
+        sequence = [(f"+ {step.effect}" if step.family else step.effect, step.rmse) for step in self.diagnosis.steps]
         floor = ("reference error", self.noise_floor)
-        table = errors_table("Held-out acceleration error after each selection step", [*ladder, floor])
+        table = errors_table("Held-out acceleration error after each selection step", [*sequence, floor])
         effects = [self._effects_table()] if self.model.stack else []
         answer, notes = (
             Text(on_terminal("\n".join(map(in_words, found))))

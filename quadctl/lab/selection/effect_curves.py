@@ -105,7 +105,7 @@ class EffectCurve:
 
 
 def effect_curves(addition: Addition, index: int) -> list[EffectCurve]:
-    """Curves of the effect with index `index` of the stack over each variable that it depends on, apart from trim and
+    """Curves of the effect with index `index` of the stack over each variable that it depends on, apart from bias and
     calibration of each flight.
 
     An effect that depends on no variable is shown over time, along the axes on which it is largest. One that acts on
@@ -115,13 +115,13 @@ def effect_curves(addition: Addition, index: int) -> list[EffectCurve]:
 
 
 def fitted_effect_curves(fit: FittedModel, index: int) -> list[EffectCurve]:
-    """Curves of one effect of the stack of a fitted model, apart from trim and calibration of each flight; the spread
+    """Curves of one effect of the stack of a fitted model, apart from bias and calibration of each flight; the spread
     of its contribution is 0."""
     return _curves(fit, index, [])
 
 
 def _without_trims(fit: FittedModel, group: str = "total") -> Floats:
-    """Measured values of a group without what trim and calibration of each flight add, shape (n, 3)."""
+    """Measured values of a group without what bias and calibration of each flight add, shape (n, 3)."""
     first = 3 * fit.dataset.groups.index(group)
     columns = slice(first, first + 3)
     by_trims = fit.predicted[:, columns] - fit.fitter.dataset.predicted_group(fit.model, group)

@@ -20,7 +20,7 @@ class Evidence:
     beside: tuple[str, ...]
     """Families of the other effects of the model, which are fitted together with it."""
     curves: list[EffectCurve]
-    """Curves of the fit with all effects, apart from trim and calibration of each flight; those of the `measure` come
+    """Curves of the fit with all effects, apart from bias and calibration of each flight; those of the `measure` come
     first."""
     before: dict[str, float]
     """Held-out RMSE per axis and group without the effect, all else fitted again."""

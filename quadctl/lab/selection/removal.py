@@ -12,8 +12,9 @@ from quadctl.lab.fitting.significance import improvement_p_value
 from quadctl.lab.flights.dataset import Dataset
 from quadctl.lab.selection.refit import Refit, refitted
 from quadctl.lab.selection.rule import is_significant
+from quadctl.lab.words import Answer
 from quadctl.model import Model
-from quadctl.settings import nearest
+from quadctl.words import fact, nearest
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -33,13 +34,12 @@ class Removal(Refit):
 
     @property
     def title(self) -> str:
-        return f"Held-out acceleration error, with and without {self.removed.name}"
+        return str(fact(Answer.WITH_AND_WITHOUT, effect=self.removed.name))
 
     @property
     def conclusion(self) -> str:
-        if is_significant(self.p_value) and self.held_out_drop < 0.0:
-            return f"The held-out data support {self.removed.name}: the model is worse without it."
-        return f"The held-out data do not support {self.removed.name}: leave it out."
+        worse = is_significant(self.p_value) and self.held_out_drop < 0.0
+        return str(fact(Answer.WORSE_WITHOUT if worse else Answer.NO_WORSE_WITHOUT, effect=self.removed.name))
 
     def to_dict(self) -> dict[str, Any]:
         return {"removed": self.removed.name, **super().to_dict()}

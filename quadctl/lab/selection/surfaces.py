@@ -18,7 +18,9 @@ from quadctl.lab.flights.dataset import Dataset
 from quadctl.lab.random_effects import Z95, Population
 from quadctl.lab.selection.refit import Refit, refitted
 from quadctl.lab.selection.rule import is_significant
+from quadctl.lab.words import Answer
 from quadctl.model import Model, StackedEffect
+from quadctl.words import fact
 
 HEIGHT_M = 0.2
 """Height of the rotor plane at which thrusts over the surfaces are compared."""
@@ -37,7 +39,7 @@ class SurfaceComparison(Refit):
 
     @property
     def title(self) -> str:
-        return "Held-out acceleration error, with one weight for all surfaces and with one for each"
+        return str(fact(Answer.ONE_AND_EACH))
 
     @property
     def differ(self) -> bool:
@@ -69,12 +71,8 @@ class SurfaceComparison(Refit):
     def conclusion(self) -> str:
         ratios = [ratio for ratio, _, _ in self.thrust_ratios.values()]
         most = max(ratios) - min(ratios)
-        if not self.differ:
-            return f"The surfaces cannot be told apart in these data (p = {self.p_value:.2g}): one weight is enough."
-        return (
-            f"The surfaces differ: by up to {most:.1%} of the thrust with the rotor plane at {HEIGHT_M:g} m "
-            f"(p {'< 1e-4' if self.p_value < 1e-4 else f'= {self.p_value:.2g}'})."
-        )
+        kind = Answer.SURFACES_DIFFER if self.differ else Answer.SURFACES_ALIKE
+        return str(fact(kind, p=self.p_value, most=most, height_m=HEIGHT_M))
 
     def to_dict(self) -> dict[str, Any]:
         low, high = self.next_weight_ci95

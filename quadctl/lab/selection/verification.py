@@ -6,7 +6,7 @@ Each flight is judged by itself, because that is what changes from one day to th
   more than its interval in the model's file and its interval in this flight allow?
 - Does the diagnosis find an effect missing on top of the refitted model, by the rule of `diagnose`?
 
-The trim of a flight (`nuisances`) is fitted in both, so that what flights of one vehicle differ by is no change.
+The bias of a flight (`nuisances`) is fitted in both, so that what flights of one vehicle differ by is no change.
 """
 
 import math
@@ -27,7 +27,9 @@ from quadctl.lab.flights.dataset import Dataset
 from quadctl.lab.random_effects import Z95
 from quadctl.lab.results import Result
 from quadctl.lab.selection.diagnosis import diagnose
+from quadctl.lab.words import Answer
 from quadctl.model import Model
+from quadctl.words import Fact, fact
 
 FALSE_ALARMS = 0.05
 """Nominal share of all verifications of an unchanged vehicle in which some parameter is called changed."""
@@ -52,7 +54,7 @@ class FlightCheck:
 
     flight: str
     error_m_s2: float
-    """Held-out acceleration error of the model as it is, trim fitted."""
+    """Held-out acceleration error of the model as it is, the bias of the flight fitted."""
     refitted_m_s2: float
     """The same with the effects refitted to this flight that it shows to have changed."""
     changes: tuple[Change, ...]
@@ -113,26 +115,23 @@ class Verification(Result):
         for check in self.checks:
             verdict = "holds" if check.holds else "does not hold"
             table.add_row(check.flight, f"{check.error_m_s2:.4f}", f"{check.refitted_m_s2:.4f}", verdict)
-        return Group(table, Text("\n".join(self.lines())))
+        return Group(table, Text("\n".join(map(str, self.answer))))
 
-    def lines(self) -> list[str]:
-        """Sentences on what changed, since which flight, and the verdict."""
-        said = []
+    @property
+    def answer(self) -> list[Fact]:
+        """What changed and what is missing, of each flight, and the verdict."""
+        found = []
         first: dict[tuple[str, str], str] = {}
         for check in self.checks:
             for c in check.changes:
                 since = first.setdefault((c.effect, c.parameter), check.flight)
-                since = "" if since == check.flight else f" (first in {since})"
-                said.append(
-                    f"{check.flight}: {c.parameter} of {c.effect} is {c.now[0]:.4g} [{c.now[1]:.4g}, {c.now[2]:.4g}], "
-                    f"was {c.before[0]:.4g} [{c.before[1]:.4g}, {c.before[2]:.4g}]{since}."
-                )
+                since = "" if since == check.flight else since
+                found.append(fact(Answer.CHANGED, flight=check.flight, since=since, **c._asdict()))
             if check.missing:
-                said.append(f"{check.flight}: missing on top of the model: {', '.join(check.missing)}.")
+                found.append(fact(Answer.MISSING_ON_TOP, flight=check.flight, families=check.missing))
             if check.silent:
-                said.append(f"{check.flight}: does not determine {', '.join(check.silent)}.")
-        said.append("The model holds." if self.holds else "The model does not hold on these flights.")
-        return said
+                found.append(fact(Answer.NOT_DETERMINED, flight=check.flight, parameters=check.silent))
+        return [*found, fact(Answer.HOLDS if self.holds else Answer.HOLDS_NOT)]
 
 
 def verify(

@@ -16,6 +16,8 @@ from quadctl.lab.selection.rule import (
     is_usual,
     shows_in_moments,
 )
+from quadctl.lab.words import Answer
+from quadctl.words import fact
 
 UNITS = {"total": "m/s^2", "turning": "N m", "sensing": "m/s^2"}
 """Unit of the error of each measured group."""
@@ -37,18 +39,15 @@ def residual_label(curve: EffectCurve) -> str:
 
 def candidate_in_words(c: Candidate) -> str:
     """Sentences on a candidate: the physics of its effect, its held-out improvement, and remarks on its parameters."""
-    axis = max(c.drops, key=c.drops.__getitem__)
-    helps = f"It lowers the held-out error by {c.held_out_drop:.0%}, on the {axis} axis by {c.largest_drop:.0%}."
-    verdict = (
-        helps
-        if is_supported(c)
-        else f"{helps} These data do not separate it from others (distinguished by {c.effect.distinguished_by})."
-        if is_plausible(c)
-        else "It is no larger than the per-flight biases of any real vehicle."
-        if is_trim(c)
-        else "The held-out data do not support it."
+    weak = Answer.NO_LARGER if is_trim(c) else Answer.NOT_SUPPORTED
+    improvement = fact(
+        Answer.SUPPORTED if is_supported(c) else Answer.NOT_SEPARATE if is_plausible(c) else weak,
+        drop=c.held_out_drop,
+        axis=max(c.drops, key=c.drops.__getitem__),
+        largest_drop=c.largest_drop,
+        distinguished_by=c.effect.distinguished_by,
     )
-    return " ".join([c.effect.physics, verdict, *(f"Note: {remark}." for remark in c.remarks)])
+    return " ".join(map(str, [c.effect.physics, improvement, *(fact(Answer.NOTE, remark=r) for r in c.remarks)]))
 
 
 def reason_against(c: Candidate, chosen: Candidate | None) -> Finding:

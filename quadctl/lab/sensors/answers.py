@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from quadctl.errors import LogError
-from quadctl.lab.sensors.diagnosis import SensorDiagnosis, Untold, diagnose_sensor
+from quadctl.lab.sensors.diagnosis import NoAnswer, SensorDiagnosis, diagnose_sensor
 from quadctl.lab.sensors.heights import READINGS, Heights, heights
 from quadctl.logs.flight_log import FlightLog
 
@@ -13,7 +13,7 @@ from quadctl.logs.flight_log import FlightLog
 class SensorAnswers:
     """One answer for each sensor that the logs hold."""
 
-    answers: tuple[SensorDiagnosis | Untold, ...]
+    answers: tuple[SensorDiagnosis | NoAnswer, ...]
     problems: tuple[str, ...] = ()
     """Sentences on readings that cannot be judged, such as those in another unit."""
 
@@ -25,7 +25,7 @@ def answers_on_sensors(logs: Sequence[FlightLog]) -> SensorAnswers | None:
     """
     if not any(log.has(READINGS["barometer"]) for log in logs):
         return None
-    answers: list[SensorDiagnosis | Untold] = []
+    answers: list[SensorDiagnosis | NoAnswer] = []
     problems = []
     for sensor, column in READINGS.items():
         found = [(log.name, heights(log, sensor)) for log in logs if log.has(column)]
@@ -35,7 +35,7 @@ def answers_on_sensors(logs: Sequence[FlightLog]) -> SensorAnswers | None:
                 answers.append(diagnose_sensor(known))
             elif sensor == "barometer":
                 lacking = tuple((name, each) for name, each in found if not isinstance(each, Heights))
-                answers.append(Untold(sensor, lacking))
+                answers.append(NoAnswer(sensor, lacking))
         except LogError as error:
             problems.append(str(error))
     return SensorAnswers(tuple(answers), tuple(problems))

@@ -51,7 +51,7 @@ class Verdict(StrEnum):
     """No log has a reference."""
 
 
-class Told(NamedTuple):
+class Interval(NamedTuple):
     """A parameter with its 95 % interval."""
 
     value: float
@@ -59,7 +59,7 @@ class Told(NamedTuple):
     high: float
 
     @property
-    def is_told(self) -> bool:
+    def is_identified(self) -> bool:
         """True where the interval does not hold 0."""
         return not self.low <= 0.0 <= self.high
 
@@ -70,7 +70,7 @@ class Named:
 
     error: SensorError
     """With the fitted parameters."""
-    parameters: dict[str, Told]
+    parameters: dict[str, Interval]
     p: float
     largest_m: float
     """Its size within the flights, all but the largest hundredth, without what a level, a lag or a scale of the sensor
@@ -155,7 +155,7 @@ class SensorDiagnosis:
 
 
 @dataclass(frozen=True)
-class Untold:
+class NoAnswer:
     """Answer about a sensor of which no log has a reference."""
 
     sensor: str
@@ -176,7 +176,7 @@ class Untold:
 
 def _as_dict(one: Named) -> dict[str, Any]:
     told = {
-        name: {"value": each.value, "ci95": [each.low, each.high], "told": each.is_told}
+        name: {"value": each.value, "ci95": [each.low, each.high], "told": each.is_identified}
         for name, each in one.parameters.items()
     }
     return {
@@ -202,14 +202,14 @@ def diagnose_sensor(flights: Sequence[Heights]) -> SensorDiagnosis:
     _refuse_other_units(flights, tried, noise)
     tried = [_with_best_scale(error, tried, flights, noise) for error in tried]
     kept, absent = list(tried), list[Named]()
-    named = _told(flights, kept, noise)
+    named = _identified(flights, kept, noise)
     while kept and (i := _needless(flights, kept, named, noise)) is not None:
         absent.append(named[i])
         kept.pop(i)
-        named = _told(flights, kept, noise)
+        named = _identified(flights, kept, noise)
     while True:  # with the noise beside what is kept, and the scales as unsure as they are
         noise = learned(_rows(flights, kept, _no_wind(flights)))
-        named = _told(flights, kept, noise, with_scales=True)
+        named = _identified(flights, kept, noise, with_scales=True)
         worst = max(range(len(kept)), key=lambda i: named[i].p, default=None)
         if worst is None or named[worst].p <= P:
             break
@@ -228,7 +228,7 @@ def diagnose_sensor(flights: Sequence[Heights]) -> SensorDiagnosis:
     )
 
 
-def _told(
+def _identified(
     flights: Sequence[Heights], errors: Sequence[SensorError], noise: Noise, with_scales: bool = False
 ) -> list[Named]:
     fit = _fitted(flights, errors, noise, with_scales)
@@ -453,7 +453,7 @@ def _named(flights: Sequence[Heights], fit: _Fit, errors: Sequence[SensorError],
     held = [min(max(v, bounds[name][0]), bounds[name][1]) for name, v in zip(names, value.tolist(), strict=True)]
     fitted = replace(error, **dict(zip(names, held, strict=True)))
     told = {
-        name: Told(v, v - 1.96 * s, v + 1.96 * s)
+        name: Interval(v, v - 1.96 * s, v + 1.96 * s)
         for name, v, s, tells in zip(names, value.tolist(), std.tolist(), known, strict=True)
         if tells
     }
@@ -462,7 +462,7 @@ def _named(flights: Sequence[Heights], fit: _Fit, errors: Sequence[SensorError],
         if (place := fit.places.get((error.name, name))) is not None:
             reach = float(np.exp(1.96 * np.sqrt(fit.estimate.covariance[place, place])))
             scale = error.values()[name]
-            told[name] = Told(scale, scale / reach, scale * reach)
+            told[name] = Interval(scale, scale / reach, scale * reach)
     largest = float(np.percentile(np.abs(_beyond_nuisances(flights, fitted, fit.winds)), MOST))
     return Named(fitted, told, float(min(1.0, tries * chdtrc(max(int(known.sum()), 1), ratio))), largest, unknown)
 

@@ -1,12 +1,14 @@
 """Answers about sensors in words and tables."""
 
 from collections.abc import Iterator
+from enum import unique
 
 from rich.table import Table
 
 from quadctl.lab.sensors.comparison import UNITS, SensorComparison
-from quadctl.lab.sensors.diagnosis import Named, SensorDiagnosis, Untold, Verdict
+from quadctl.lab.sensors.diagnosis import Named, NoAnswer, SensorDiagnosis, Verdict
 from quadctl.lab.sensors.heights import Heights, NoReference, Reference
+from quadctl.words import Fact, Kinds, When, fact
 
 REFERENCES = {
     Reference.POSITION: "the logged position, taken for independent of it",
@@ -41,45 +43,58 @@ def comparison_table(compared: SensorComparison) -> Table:
     return table
 
 
-def answer(found: SensorDiagnosis) -> Iterator[str]:
-    """The answer first, then what it stands on, one sentence each."""
-    if found.verdict is Verdict.MISSING:
-        names = ", ".join(one.name for one in found.missing)
-        yield f"The {found.sensor} has an error: {names}."
-    else:
-        yield f"The {found.sensor} has no error that these flights show."
-    for one in found.missing:
-        yield f"  {parameters(one)}"
-    if found.missing:
-        yield (
-            f"Beside a slow wander, its difference from {references(found.flights)} falls from "
-            f"{100.0 * found.before_m:.1f} to {100.0 * found.after_m:.1f} cm on parts of the flights that no fit saw."
-        )
-    else:
-        yield f"Beside a slow wander it differs from {references(found.flights)} by {100.0 * found.after_m:.1f} cm."
+@unique
+class Said(Kinds):
+    """Parts of an answer about a sensor, each with its template."""
+
+    MISSING = "The {sensor} has an error: {names:list}."
+    NONE = "The {sensor} has no error that these flights show."
+    PARAMETERS = "  {parameters}"
+    FALLS = (
+        "Beside a slow wander, its difference from {references} falls from {before_cm:.1f} to {after_cm:.1f} cm on "
+        "parts of the flights that no fit saw."
+    )
+    DIFFERS = "Beside a slow wander it differs from {references} by {after_cm:.1f} cm."
+    SMALL = "There, but at most {largest_cm:.1f} cm in these flights: {name}, {parameters}"
+    ABSENT = "Not distinguished from zero: {name}, {parameters}"
+    NOT_TRIED = "Not tried: {name}, which needs {span}."
+    NO_REFERENCE = "{log}: nothing tells the {sensor}'s error: {reason}"
+    VALUE = ("{name} = {value:.3g} [{low:.3g}, {high:.3g}]", When("zero", " (not distinguished from zero)"))
+    SCALE = "{name} = {value:.3g}"
+    UNKNOWN = "these flights do not identify {names:list}"
+
+
+def answer(found: SensorDiagnosis) -> Iterator[Fact]:
+    """The answer first, then what it stands on."""
+    missing = [one.name for one in found.missing]
+    yield fact(Said.MISSING if found.verdict is Verdict.MISSING else Said.NONE, sensor=found.sensor, names=missing)
+    yield from (fact(Said.PARAMETERS, parameters=parameters(one)) for one in found.missing)
+    errors = {"before_cm": 100.0 * found.before_m, "after_cm": 100.0 * found.after_m}
+    yield fact(Said.FALLS if missing else Said.DIFFERS, references=references(found.flights), **errors)
     for one in found.small:
-        yield f"There, but at most {100.0 * one.largest_m:.1f} cm in these flights: {one.name}, {parameters(one)}"
-    for one in found.absent:
-        yield f"Not told from zero: {one.name}, {parameters(one)}"
-    for name, span in found.not_tried.items():
-        yield f"Not tried: {name}, which needs {SPANS[span]}."
+        yield fact(Said.SMALL, name=one.name, parameters=parameters(one), largest_cm=100.0 * one.largest_m)
+    yield from (fact(Said.ABSENT, name=one.name, parameters=parameters(one)) for one in found.absent)
+    yield from (fact(Said.NOT_TRIED, name=name, span=SPANS[span]) for name, span in found.not_tried.items())
 
 
-def untold(found: Untold) -> Iterator[str]:
-    """Needs of the logs that have no reference, a clause each."""
+def no_reference(found: NoAnswer) -> Iterator[Fact]:
+    """Needs of the logs that have no reference."""
     for name, reason in found.reasons:
-        yield f"{name}: nothing tells the {found.sensor}'s error: {MISSING_REFERENCE[reason]}"
+        yield fact(Said.NO_REFERENCE, log=name, sensor=found.sensor, reason=MISSING_REFERENCE[reason])
 
 
 def parameters(one: Named) -> str:
-    """Parameters with their intervals, and what of them is not told from zero."""
-    scales = [f"{name} = {one.error.values()[name]:.3g}" for name in one.error.scales if name not in one.parameters]
+    """Parameters with their intervals, and what of them is not distinguished from zero."""
+    values = one.error.values()
     each = [
-        f"{name} = {told.value:.3g} [{told.low:.3g}, {told.high:.3g}]{'' if told.is_told else ' (not told from zero)'}"
+        fact(Said.VALUE, name=name, value=told.value, low=told.low, high=told.high, zero=not told.is_identified)
         for name, told in one.parameters.items()
     ]
-    unknown = [f"these flights do not tell {', '.join(one.unknown)}"] if one.unknown else []
-    return ", ".join([*each, *scales, *unknown])
+    scales = [
+        fact(Said.SCALE, name=name, value=values[name]) for name in one.error.scales if name not in one.parameters
+    ]
+    unknown = [fact(Said.UNKNOWN, names=one.unknown)] if one.unknown else []
+    return ", ".join(map(str, [*each, *scales, *unknown]))
 
 
 def references(flights: tuple[Heights, ...]) -> str:

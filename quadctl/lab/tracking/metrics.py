@@ -8,7 +8,8 @@ pays for what is too low at another; and **absolute**, where nothing cancels.
 
 import re
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
+from enum import unique
 from pathlib import Path
 from typing import Any
 
@@ -18,8 +19,9 @@ from numpy.typing import NDArray
 from quadctl.errors import LogError
 from quadctl.lab.tracking.steps import only_step, source_of_steps
 from quadctl.logs.contradictions import contradictions
-from quadctl.logs.flight_log import FlightLog, Floats, did_you_mean
+from quadctl.logs.flight_log import FlightLog, Floats
 from quadctl.logs.words import worded
+from quadctl.words import Fact, Kinds, fact, nearest
 
 TEST_PHASE = "step"
 """Phases with this in their name are measured unless others are asked for."""
@@ -30,6 +32,14 @@ SETPOINT_GRID_M = 0.05
 
 _LAST_PART = 1 / 3
 _RUN_NUMBER = re.compile(r"[_-]\d{1,2}$")
+
+
+@unique
+class Note(Kinds):
+    """Notes on how flights were measured, each with its template."""
+
+    STEP_SEEN = "{flight} has no phases: measured is its step {step}, as seen in the {source}, for {seconds:.2f} s"
+    SETTLED = "the reference flights have no reference column, and settled at {setpoint_m:.2f} m"
 
 
 # --- on arrays: `error` in m at `time_s`, both shape (n,), from the start of the window at time_s = 0 -----------------
@@ -119,7 +129,7 @@ class Window:
             expected = f"one named '{TEST_PHASE}', or --phase, or a time window (--from, --to)"
         else:
             wanted = [name for name in names if name == self.phase]
-            expected = f"'{self.phase}'{did_you_mean(self.phase, names)}"
+            expected = f"'{self.phase}'{nearest(self.phase, names)}"
         rows = np.flatnonzero(np.isin(log.phase, wanted))
         if len(rows) < 2:
             raise LogError(f"{log.name}: its phases are {', '.join(names) or 'without names'}, expected {expected}")
@@ -229,10 +239,10 @@ class MetricsTable:
     window: str
     flights: tuple[FlightMetrics, ...]
     groups: tuple[GroupMetrics, ...]
-    notes: tuple[str, ...] = field(default=())
+    notes: tuple[Fact, ...] = field(default=())
 
     def to_dict(self) -> dict[str, Any]:
-        return asdict(self)
+        return {**asdict(replace(self, notes=())), "notes": tuple(map(str, self.notes))}
 
     def group(self, name: str) -> GroupMetrics:
         """The group of that name.
@@ -246,7 +256,7 @@ class MetricsTable:
             if group.group == name:
                 return group
         names = [group.group for group in self.groups]
-        raise LogError(f"no flights are named '{name}'{did_you_mean(name, names)}, expected one of {', '.join(names)}")
+        raise LogError(f"no flights are named '{name}'{nearest(name, names)}, expected one of {', '.join(names)}")
 
 
 def metrics(
@@ -285,7 +295,7 @@ def metrics(
     tracks = [tracking(log, window, axis, setpoint_m, longest) for log in logs]
     if references and reference_setpoint_m is None and not all(log.has(f"{axis}_ref_m") for log in references):
         reference_setpoint_m = settled_setpoint_m(references, window, axis, longest)
-        notes.append(f"the reference flights have no reference column, and settled at {reference_setpoint_m:.2f} m")
+        notes.append(fact(Note.SETTLED, setpoint_m=reference_setpoint_m))
     reference_tracks = [tracking(log, window, axis, reference_setpoint_m, longest) for log in references]
 
     measured = [(track, False) for track in tracks] + [(track, True) for track in reference_tracks]
@@ -294,15 +304,14 @@ def metrics(
     return MetricsTable(axis, said, flights, _groups(flights, measured, reference_tracks), tuple(notes))
 
 
-def _steps_seen(logs: Sequence[FlightLog], window: Window, axis: str) -> tuple[float, list[str]]:
+def _steps_seen(logs: Sequence[FlightLog], window: Window, axis: str) -> tuple[float, list[Fact]]:
     """Length of the shortest step among the logs that show theirs themselves, s, and a note on each; else infinity."""
     steps = {log.name: (only_step(log, axis), source_of_steps(log, axis)) for log in logs if window.is_seen_in(log)}
     longest = min((step.end_s - step.start_s for step, _ in steps.values()), default=np.inf)
-    notes = [
-        f"{name} has no phases: measured is its step {step}, as seen in the {source}, for {longest:.2f} s"
+    return longest, [
+        fact(Note.STEP_SEEN, flight=name, step=step, source=source, seconds=longest)
         for name, (step, source) in steps.items()
     ]
-    return longest, notes
 
 
 def settled_setpoint_m(logs: Sequence[FlightLog], window: Window, axis: str = "z", longest_s: float = np.inf) -> float:

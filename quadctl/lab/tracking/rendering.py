@@ -1,6 +1,7 @@
 """Metrics of flights as a table on a terminal."""
 
 import itertools
+from enum import unique
 from pathlib import Path
 
 from rich import box
@@ -10,6 +11,7 @@ from rich.table import Table
 from rich.text import Text
 
 from quadctl.lab.tracking.metrics import VALUES, GroupMetrics, MetricsTable
+from quadctl.words import Fact, Kinds, Words, fact
 
 _HEADINGS = {
     "m_a_signed": "M_A\nsigned",
@@ -22,28 +24,34 @@ _HEADINGS = {
 }
 
 
-_DEFINITION = {
-    "m_b_absolute": "absolute M_B, the integral of the difference from the reference flight, m s",
-    "rmse_m": "RMSE of the error, m",
-}
+_WORDS = Words({"order": lambda errors: "; ".join(f"{name} {error:.3f}" for error, name in errors)})
+
+
+@unique
+class Answer(Kinds, words=_WORDS):
+    """Order of flights by their errors, with its template."""
+
+    BY_M_B = (
+        "Least first by absolute M_B, the integral of the difference from the reference flight, m s: {errors:order}."
+    )
+    BY_RMSE = "Least first by RMSE of the error, m: {errors:order}."
 
 
 def render(result: MetricsTable) -> RenderableType:
     """The metrics: which flight follows best, then a table, one line per flight and mean and deviation of flights flown
     more than once."""
-    said = filter(None, [_answer(result)])
     notes = ("M_A: integral of the error.", *(f"{note}." for note in result.notes))
-    return Group(*(Text(sentence) for sentence in said), _table(result), *(Text(note) for note in notes))
+    return Group(*(Text(str(found)) for found in _answer(result)), _table(result), *(Text(note) for note in notes))
 
 
-def _answer(result: MetricsTable) -> str:
-    """Order of what was flown by the error that is most to the point, the least first; empty of a single flight."""
+def _answer(result: MetricsTable) -> list[Fact]:
+    """Order of what was flown by the error that is most to the point, the least first; none of a single flight."""
     flown = [group for group in result.groups if not group.is_reference]
-    value = "m_b_absolute" if all(group.mean.get("m_b_absolute") is not None for group in flown) else "rmse_m"
+    kind, value = Answer.BY_M_B, "m_b_absolute"
+    if any(group.mean.get(value) is None for group in flown):
+        kind, value = Answer.BY_RMSE, "rmse_m"
     errors = sorted((group.mean[value] or 0.0, group.group) for group in flown)
-    if len(errors) < 2:
-        return ""
-    return f"Least first by {_DEFINITION[value]}: " + "; ".join(f"{name} {error:.3f}" for error, name in errors) + "."
+    return [fact(kind, errors=errors)] if len(errors) > 1 else []
 
 
 def _table(result: MetricsTable) -> Table:

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from enum import unique
 from pathlib import Path
 
 import numpy as np
@@ -10,6 +11,7 @@ from quadctl.errors import LogError
 from quadctl.lab.comparison.wording import change_in_words, plus
 from quadctl.lab.tracking.metrics import FlightMetrics, MetricsTable, Tracking, Window, tracking
 from quadctl.logs.flight_log import FlightLog
+from quadctl.words import Fact, Kinds, Words, fact
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,25 +60,35 @@ def first_and_last(steps: StepResponses) -> tuple[tuple[str, FlightMetrics], tup
     return (flown[0], flown[-1]) if len(flown) > 1 else None
 
 
-def steps_in_words(steps: StepResponses) -> list[str]:
+_WORDS = Words({"plus": plus, "change": lambda pair: change_in_words(1.0 - abs(pair[1]) / abs(pair[0]))})
+
+
+@unique
+class Said(Kinds, words=_WORDS):
+    """What the ground and the step do to two flights, each with its template."""
+
+    GROUND = (
+        "From compensator '{first}' to '{last}', what the ground does to the flight (M_B) goes from {absolute[0]:.3f} "
+        "to {absolute[1]:.3f} m s in the absolute integral ({absolute:change}) and from {signed[0]:plus} to "
+        "{signed[1]:plus} m s in the signed one ({signed:change} in size)."
+    )
+    ERROR = (
+        "The tracking error goes from {rmse_mm[0]:.1f} to {rmse_mm[1]:.1f} mm (RMSE); that includes the step itself, "
+        "which no compensator makes shorter."
+    )
+
+
+def effect_of_the_ground(steps: StepResponses) -> list[Fact]:
+    """What the ground does to the first and to the last flight, and their tracking errors; none of a single flight."""
     pair = first_and_last(steps)
     if pair is None:
         return []
     (first_name, first), (last_name, last) = pair
-    text = []
+    found = []
     if first.m_b_absolute and first.m_b_signed and last.m_b_absolute is not None and last.m_b_signed is not None:
-        absolute = change_in_words(1.0 - last.m_b_absolute / first.m_b_absolute)
-        signed = change_in_words(1.0 - abs(last.m_b_signed) / abs(first.m_b_signed))
-        text.append(
-            f"From compensator '{first_name}' to '{last_name}', what the ground does to the flight (M_B) goes from "
-            f"{first.m_b_absolute:.3f} to {last.m_b_absolute:.3f} m s in the absolute integral ({absolute}) and from "
-            f"{plus(first.m_b_signed)} to {plus(last.m_b_signed)} m s in the signed one ({signed} in size)."
-        )
-    text.append(
-        f"The tracking error goes from {1000.0 * first.rmse_m:.1f} to {1000.0 * last.rmse_m:.1f} mm (RMSE); that "
-        "includes the step itself, which no compensator makes shorter."
-    )
-    return text
+        absolute, signed = (first.m_b_absolute, last.m_b_absolute), (first.m_b_signed, last.m_b_signed)
+        found.append(fact(Said.GROUND, first=first_name, last=last_name, absolute=absolute, signed=signed))
+    return [*found, fact(Said.ERROR, rmse_mm=(1000.0 * first.rmse_m, 1000.0 * last.rmse_m))]
 
 
 def _stem(name: str) -> str:

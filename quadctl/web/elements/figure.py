@@ -14,6 +14,7 @@ Figure: TypeAlias = dict[str, Any]
 
 GAP_PX = 10
 """Gap between axes below each other."""
+MORE_CURVES = "and {more} more curves"
 SAID_CURVES = 6
 """Most curves of a figure that are read aloud."""
 UNWANTED_BUTTONS = ["toImage", "lasso2d", "autoScale2d", "zoomIn2d", "zoomOut2d", "toggleSpikelines"]
@@ -107,7 +108,7 @@ def in_a_sentence(drawn: Figure) -> str:
         ranges = [_range(trace, letter, _title(drawn["layout"], trace, letter)) for letter in ("x", "y", "z")]
         said.append(f"{trace['name']}: {', '.join(text for text in ranges if text)}")
     more = len(drawn["data"]) - SAID_CURVES
-    return "; ".join([*said, *([f"and {more} more curves"] if more > 0 else [])]) + "."
+    return "; ".join([*said, *([MORE_CURVES.format(more=more)] if more > 0 else [])]) + "."
 
 
 def _range(trace: Mapping[str, Any], letter: str, title: str) -> str:

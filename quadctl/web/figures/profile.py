@@ -4,20 +4,13 @@ import numpy as np
 
 from quadctl.lab.comparison.comparison import Comparison
 from quadctl.lab.comparison.failures import Profile
-from quadctl.lab.comparison.wording import label_of, p_in_words, percent
+from quadctl.lab.comparison.wording import label_of
 from quadctl.lab.flights.prediction import AXES
 from quadctl.web.elements.figure import Figure, axis, faded, figure
 from quadctl.web.elements.theme import Theme
 
 CLOUD = 1500
 """Most samples that are drawn."""
-
-
-def share_in_words(comparison: Comparison, profile: Profile) -> str:
-    """Share of the squared residual in the means of a profile, with its p-value: a caption."""
-    of_all = percent(comparison.share_of_all(profile))
-    shares = f"{percent(profile.share)} of the square on this axis, {of_all} of all axes"
-    return f"{shares}, p {p_in_words(profile.p_value)}"
 
 
 def profile_figure(comparison: Comparison, profile: Profile, theme: Theme, height: int = 260) -> Figure:

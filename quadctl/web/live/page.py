@@ -4,6 +4,7 @@ import asyncio
 import time
 from collections.abc import Sequence
 from contextlib import suppress
+from enum import Enum
 
 from nicegui import ui
 from nicegui.client import Client
@@ -29,6 +30,18 @@ _CHARTS_ARE_THERE = """return new Promise(done => {
   const look = () => document.querySelector('.charts .main-svg') ? done(true) : setTimeout(look, 100);
   look();
 })"""
+
+
+class _Land(Enum):
+    """Title, hint and kind of the button."""
+
+    OVER = "Over", "the flight has ended", "off"
+    BEFORE = "LAND", "as soon as there is a flight", "off"
+    RELEASED = "Released", "somebody else flies", "off"
+    LANDING = "Landing", "the autopilot lands", "off"
+    ASKED = "Landing", "the flight has been asked", "off"
+    PRESSED = "Press again: LAND", "or wait, and nothing happens", "sure"
+    READY = "LAND", "press twice, or type L L", "ready"
 
 
 _DRAWN = "return true"
@@ -215,28 +228,25 @@ class LivePage:
         self._show_land()
 
     def _show_land(self) -> None:
-        title, hint, kind = self._land_words()
+        title, hint, kind = self._land_button().value
         self._land_title.set_text(title)
         self._land_hint.set_text(hint)
         self._land.classes(replace=f"land {kind}")
         self._land.props(**{"add" if kind == "off" else "remove": "disabled"})
 
-    def _land_words(self) -> tuple[str, str, str]:
-        """Title, hint and kind of the button."""
+    def _land_button(self) -> _Land:
         history = self._history
         if history.over:
-            return "Over", "the flight has ended", "off"
+            return _Land.OVER
         if history.latest is None:
-            return "LAND", "as soon as there is a flight", "off"
+            return _Land.BEFORE
         if history.latest.stage == Stage.RELEASED.name:
-            return "Released", "somebody else flies", "off"
+            return _Land.RELEASED
         if history.latest.stage == Stage.LAND.name:
-            return "Landing", "the autopilot lands", "off"
+            return _Land.LANDING
         if self._viewing.land_asked:
-            return "Landing", "the flight has been asked", "off"
-        if self._button.waits(time.monotonic()):
-            return "Press again: LAND", "or wait, and nothing happens", "sure"
-        return "LAND", "press twice, or type L L", "ready"
+            return _Land.ASKED
+        return _Land.PRESSED if self._button.waits(time.monotonic()) else _Land.READY
 
     # --- colours ------------------------------------------------------------------------------------------------------
 

@@ -72,7 +72,9 @@ def live_view(brief: Brief, port: int, token: str | None, announce: Callable[[st
     with flight, here:
         try:
             _wait_until_served(here)
-            announce(_where(port, token))
+            query = "" if token is None else f"/?token={token}"
+            where = "for this machine only" if token is None else "on this machine's other addresses too"
+            announce(f"The live view is at http://{THIS_MACHINE}:{port}{query}, {where}.")
             made = Viewer(flight, here)
             try:
                 yield made
@@ -105,9 +107,3 @@ def _wait_for_tabs(process: BaseProcess, announce: Callable[[str], None]) -> Non
         announce("The live view stays until its last tab is closed, or Ctrl-C.")
         with contextlib.suppress(KeyboardInterrupt):
             process.join()
-
-
-def _where(port: int, token: str | None) -> str:
-    if token is None:
-        return f"The live view is at http://{THIS_MACHINE}:{port}, for this machine only."
-    return f"The live view is at http://{THIS_MACHINE}:{port}/?token={token}, on this machine's other addresses too."

@@ -11,7 +11,6 @@ from nicegui.element import Element
 from nicegui.elements.mixins.disableable_element import DisableableElement
 from nicegui.events import KeyEventArguments
 
-from quadctl.lab.comparison.wording import agreement_in_short, ended
 from quadctl.web.elements.browser_theme import keep_theme, wanted_theme
 from quadctl.web.elements.html import tag
 from quadctl.web.elements.theme import DARK, LIGHT, Theme
@@ -20,9 +19,9 @@ from quadctl.web.panels import compensator, fails, flights, missing, over_time
 from quadctl.web.panels.choices import FILE, Choices, choices_of
 from quadctl.web.panels.frame import Doubts, FittedTo, Header, Start, Status
 from quadctl.web.panels.help import help_dialog
-from quadctl.web.panels.ladder import Ladder
 from quadctl.web.panels.panel import Panel, Tab
-from quadctl.web.panels.stack import Stack, limited_in_words
+from quadctl.web.panels.sequence import ModelSequence
+from quadctl.web.panels.stack import Stack, at_limits
 from quadctl.web.panels.verdict import Verdict
 from quadctl.web.panels.view import View
 from quadctl.web.work.state import Message
@@ -112,7 +111,7 @@ class Page:
         self._frame_parts.append(Part(tag("header", "head-bar"), Header))
         with tag("div", "lab"):
             with tag("aside", "side"):
-                self._frame_parts.append(Part(tag("div", "place-ladder"), Ladder))
+                self._frame_parts.append(Part(tag("div", "place-sequence"), ModelSequence))
                 self._frame_parts.append(Part(tag("div", "place-stack"), Stack))
             with tag("div", "main"):  # Quasar's page around it is the main region
                 self._frame_parts.append(Part(tag("div", "place-status").props('aria-live="polite"'), Status))
@@ -358,14 +357,12 @@ class Page:
         with suppress(CancelledError):
             session, results = self.bench.session, self.bench.results
             verdict = Verdict.of(self.view())
-            about_flights: list[str] = []
+            facts = [] if session.model is None else compensator.doubts(session.model, session.confounded)
             if results.evaluation is not None:
                 agreement = results.evaluation.agreement
-                about_flights += [] if agreement is None else [agreement_in_short(agreement)]
-                about_flights.append(limited_in_words(results.evaluation, results.found))
-            doubts = [] if session.model is None else compensator.doubts_in_words(session.model, session.look_alikes)
-            said = [*verdict.sentences, *doubts, *(ended(sentence) for sentence in about_flights if sentence)]
-            html = await self.bench.report(said, verdict.condition)
+                facts += [] if agreement is None else [agreement.answer]
+                facts += at_limits(results.evaluation, results.found)
+            html = await self.bench.report([*verdict.sentences, *map(str, facts)], verdict.condition)
             if html is not None:
                 ui.download.content(html, REPORT_FILE, "text/html")
                 self.bench.say("done", f"The report is saved as {REPORT_FILE} in the downloads folder of your browser.")

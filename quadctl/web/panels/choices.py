@@ -32,7 +32,7 @@ class Choices:
     over_each_other: bool = False
     """Show these channels of all flights, not only of the chosen one."""
     beside: str = ""
-    """Model that is drawn beside the others: the number of a step of the ladder, `FILE`, or empty for none."""
+    """Model that is drawn beside the others: the number of a step of the model sequence, `FILE`, or empty for none."""
     evidence: str = ""
     """Name of the effect whose evidence is open; empty where none is."""
     brush: Brush = field(default_factory=dict)

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 from nicegui import ui
 
-from quadctl.lab.comparison.wording import change_in_words, plain
+from quadctl.lab.comparison.wording import change_in_words
 from quadctl.lab.flights.dataset import Dataset
 from quadctl.lab.selection.effect_curves import far_ratio, hover_ratio
 from quadctl.lab.tracking.step_response import StepResponses
@@ -19,7 +19,9 @@ from quadctl.web.figures.ratio import ratio_over_height, ratio_over_speed
 from quadctl.web.figures.steps import step_figure
 from quadctl.web.panels.glossary import explained
 from quadctl.web.panels.panel import Controls, Panel, Tab, work_button
+from quadctl.web.panels.words import Said
 from quadctl.web.work.simulated import FAR, WITH, WITHOUT
+from quadctl.words import Fact, fact
 
 NAMED_EFFECTS = 3
 """Most effects that the name of a file with a model says."""
@@ -43,7 +45,7 @@ class Ratio(Panel):
         with tag("section", "card"):
             heading("Thrust ratio", "The compensator divides the thrust command by it.")
             with tag("p"):
-                explained(far_in_words(self.model))
+                explained(str(far(self.model)))
             if self.thrust_reservation:
                 tag("p", "note", self.thrust_reservation)
             with tag("div", "panes"):
@@ -54,15 +56,10 @@ class Ratio(Panel):
                     plot(over_speed, "thrust_ratio_over_speed", "Thrust ratio over forward speed")
 
 
-def far_in_words(model: Model) -> str:
-    """Sentence on the factor of the thrust far from the ground, to which the curve over height is relative."""
+def far(model: Model) -> Fact:
+    """The factor of the thrust far from the ground, to which the curve over height is relative."""
     factor = far_ratio(model)
-    if abs(factor - 1.0) < UNITY:
-        return "Far from the ground the model gives the rotors the thrust that the vehicle file says: factor 1."
-    return (
-        f"Far from the ground the model gives the rotors {factor:.3f} times the thrust of the vehicle file. The curve "
-        "over height is relative to that; the compensator divides by both."
-    )
+    return fact(Said.FACTOR_ONE if abs(factor - 1.0) < UNITY else Said.FACTOR, factor=factor)
 
 
 @dataclass(frozen=True)
@@ -71,7 +68,7 @@ class Check(Panel):
 
     model: Model | None
     seen: Dataset | None
-    look_alikes: dict[str, tuple[str, ...]]
+    confounded: dict[str, tuple[str, ...]]
     checked: tuple[str, ...] | None
     refused: str
 
@@ -98,22 +95,20 @@ class Check(Panel):
                 tag("p", "grow", text)
         if self.refused or self.checked is None:
             return
-        for doubt in doubts_in_words(self.model, self.look_alikes):
+        for doubt in doubts(self.model, self.confounded):
             with tag("div", "line check"):
                 ui.icon("help").classes("warn")
-                tag("p", "grow", doubt)
+                tag("p", "grow", str(doubt))
 
 
-def doubts_in_words(model: Model, look_alikes: Mapping[str, Sequence[str]]) -> list[str]:
-    """Sentences on the effects of a model that the flights do not tell from those of other families: what corrects for
-    the wrong one fits only flights like these."""
+def doubts(model: Model, confounded: Mapping[str, Sequence[str]]) -> list[Fact]:
+    """The effects of a model that the flights do not tell from those of other families: what corrects for the wrong one
+    fits only flights like these."""
     families = dict.fromkeys(effect.family() for effect in model.effects)
     return [
-        f"The flights do not tell whether it is {' or '.join(map(plain, (family, *others)))}. "
-        f"The compensator corrects for {plain(family)}: if it is not that, the correction is wrong in other flights. "
-        "Which flight next? (What is missing) looks for one that tells them apart."
+        fact(Said.WHICH_OF_THEM, family=family, families=(family, *others))
         for family in families
-        if (others := [other for other in look_alikes.get(family, ()) if other not in families])
+        if (others := [other for other in confounded.get(family, ()) if other not in families])
     ]
 
 
@@ -132,10 +127,10 @@ class Export(Panel):
             with tag("div", "line wrap"):
                 ui.button("Export model", icon="download", on_click=do.export_model).props("no-caps unelevated")
                 tag("span", "muted grow", "Commands that use the file, in its folder:")
-            for purpose, command in commands_of_a_model(name_of_file(self.model)):
+            for purpose, command in COMMANDS:
                 with tag("div", "next-command"):
                     tag("span", "muted", purpose)
-                    tag("code", "", command)
+                    tag("code", "", command.format(name=name_of_file(self.model)))
 
 
 @dataclass(frozen=True)
@@ -168,10 +163,10 @@ class SimulatedFlight(Panel):
                 plot(step_figure(self.steps, self.theme, close_up=False), "step_response", "Step response")
                 close_up = step_figure(self.steps, self.theme, close_up=True)
                 plot(close_up, "step_response_error", "Step response, close up")
-            answer = answer_in_words(self.model, self.steps)
-            if answer:
+            found = answer(self.model, self.steps)
+            if found is not None:
                 with tag("p", "verdict"):
-                    explained(answer)
+                    explained(str(found))
             _draw_metrics(self.steps, corrects_near_the_ground(self.model))
 
 
@@ -182,24 +177,20 @@ def corrects_near_the_ground(model: Model) -> bool:
     return bool(np.abs(change).max() > UNITY)
 
 
-def answer_in_words(model: Model, steps: StepResponses) -> str:
-    """Sentence that says whether the compensator helps, by how much, and by which measure."""
+def answer(model: Model, steps: StepResponses) -> Fact | None:
+    """Whether the compensator helps, by how much, and by which measure; None where the flights have no measure."""
     if not corrects_near_the_ground(model):
-        return (
-            "This model has no effect of the ground: the compensator corrects nothing that this flight shows. What "
-            "differs between the flights is chance, or what the rest of the model does to them."
-        )
+        return fact(Said.NO_GROUND)
     without, compensated = (steps.flown[name] for name in (WITHOUT, WITH))
     if not without.m_b_absolute or compensated.m_b_absolute is None:
-        return ""
-    better = "Better" if compensated.m_b_absolute < without.m_b_absolute else "Not better"
-    change = change_in_words(1.0 - compensated.m_b_absolute / without.m_b_absolute)
-    rmse = change_in_words(1.0 - compensated.rmse_m / without.rmse_m) if without.rmse_m else "0%"
-    return (
-        f"{better} with the compensator: what the ground does to the flight, which is the difference to the same step "
-        f"flown high up, changes by {change} (M_B from {without.m_b_absolute:.3f} to "
-        f"{compensated.m_b_absolute:.3f} m s). The whole tracking error, with the way that any step takes, "
-        f"changes by {rmse} (RMSE)."
+        return None
+    return fact(
+        Said.COMPENSATED,
+        better=compensated.m_b_absolute < without.m_b_absolute,
+        drop=1.0 - compensated.m_b_absolute / without.m_b_absolute,
+        without_m_s=without.m_b_absolute,
+        compensated_m_s=compensated.m_b_absolute,
+        rmse_drop=1.0 - compensated.rmse_m / without.rmse_m if without.rmse_m else 0.0,
     )
 
 
@@ -235,14 +226,13 @@ def name_of_file(model: Model) -> str:
     return "_".join(re.sub(r"[^\w.-]+", "_", word) for word in (model.vehicle.name, *families)) + ".yaml"
 
 
-def commands_of_a_model(name: str) -> tuple[tuple[str, str], ...]:
-    """Commands that use the model in the file `name`, each with its purpose."""
-    return (
-        ("fly with it as the compensator", f"quadctl fly MISSION --model {name}"),
-        ("simulate that, in a world with its effects", f"quadctl simulate MISSION --model {name} --hidden {name}"),
-        ("give it to the autopilot", f"quadctl export {name} --to px4"),
-        ("compare it with a further flight", f"quadctl compare {name} LOG"),
-    )
+COMMANDS = (
+    ("fly with it as the compensator", "quadctl fly MISSION --model {name}"),
+    ("simulate that, in a world with its effects", "quadctl simulate MISSION --model {name} --hidden {name}"),
+    ("give it to the autopilot", "quadctl export {name} --to px4"),
+    ("compare it with a further flight", "quadctl compare {name} LOG"),
+)
+"""Commands that use the model in the file `name`, each with its purpose."""
 
 
 TAB = Tab("compensator", "Compensator", "flight_takeoff", (Ratio, Check, Export, SimulatedFlight))

@@ -11,7 +11,6 @@ from quadctl.lab.flights.flight import VARIABLE_NAMES
 from quadctl.lab.flights.prediction import GROUPS, MOMENTS, SENSED
 from quadctl.lab.planning.suggestion import Suggestion
 from quadctl.lab.selection.candidate import LEAST_ERROR, Candidate
-from quadctl.lab.selection.diagnosis import Diagnosis
 from quadctl.lab.selection.evidence import Evidence as Found
 from quadctl.lab.selection.wording import error_in_table, p_in_table, reason_against, unit_of
 from quadctl.lab.words import in_words
@@ -19,8 +18,10 @@ from quadctl.web.elements.html import heading, loading, plot, table, tag
 from quadctl.web.elements.theme import Theme
 from quadctl.web.figures.evidence import evidence_figure
 from quadctl.web.panels.panel import Controls, Panel, work_button
+from quadctl.web.panels.words import Said
 from quadctl.web.session.findings import Diagnosed
 from quadctl.web.work.state import Gathered
+from quadctl.words import Fact, fact
 
 _OF_GROUP = {"total": "all axes", "turning": "moments of all axes", "sensing": "accelerometer error of all axes"}
 _AXES = {axis: f"{axis} moment" for axis in MOMENTS}
@@ -53,7 +54,7 @@ class Evidence(Panel):
                 ui.button(icon="close", on_click=lambda: do.show_evidence("")).props(
                     'flat dense round aria-label="Close the evidence"'
                 )
-            tag("p", "muted", _fit_in_words(shown))
+            tag("p", "muted", str(fact(Said.FITTED_TOGETHER, beside=shown.beside)))
             with tag("div", "panes"):
                 for curve in shown.curves:
                     label = f"{sentence(name)} over {VARIABLE_NAMES[curve.variable]}, {curve.component}"
@@ -98,16 +99,6 @@ class Evidence(Panel):
             work_button(do, "Compare all missions", do.bench.suggest, "outline")
 
 
-def _fit_in_words(shown: Found) -> str:
-    """Sentences on the fit that the figures and the errors of the evidence belong to."""
-    others = [plain(family) for family in shown.beside]
-    beside = f"with {listed(others)} and the trim of each flight" if others else "with the per-flight bias"
-    return (
-        f"Figures and errors are of one fit of all parameters together: the effect {beside}. Without it, all else is "
-        "fitted again for the errors, and stays as it is in the figures."
-    )
-
-
 def _draw_errors(shown: Found) -> None:
     rows = []
     for group, axes in GROUPS.items():
@@ -126,7 +117,7 @@ def _draw_losers(search: Diagnosed | None, name: str) -> None:
     if search is None or shown is None:
         tag("p", "muted", "No search on these flights has tried it beside others. Remove it to search without it.")
         return
-    winners = chosen_of(search.diagnosis)
+    winners = search.diagnosis.chosen
     chosen = {name, *(candidate.effect.name for candidate in winners)}
     losers = [candidate for candidate in ranking if candidate.effect.name not in chosen]
     if not losers:
@@ -150,7 +141,7 @@ def _draw_reasons(losers: list[Candidate], winners: list[Candidate]) -> None:
     rows = [
         (
             candidate.effect.name,
-            _beside(candidate),
+            str(_beside(candidate)),
             f"{change_in_words(candidate.held_out_drop)} {ERRORS[candidate.measure]}",
             p_in_table(candidate.p_value),
             sentence(in_words(reason_against(candidate, rival_of(candidate, winners)))),
@@ -162,10 +153,9 @@ def _draw_reasons(losers: list[Candidate], winners: list[Candidate]) -> None:
         table("small reasons", columns, rows)
 
 
-def _beside(candidate: Candidate) -> str:
+def _beside(candidate: Candidate) -> Fact:
     """The effects beside which a candidate was tried."""
-    others = [plain(effect.family()) for effect in candidate.model.effects[:-1]]
-    return listed(others) if others else "the rigid body"
+    return fact(Said.BESIDE, families=[effect.family() for effect in candidate.model.effects[:-1]])
 
 
 def rival_of(candidate: Candidate, winners: Sequence[Candidate]) -> Candidate | None:
@@ -173,15 +163,9 @@ def rival_of(candidate: Candidate, winners: Sequence[Candidate]) -> Candidate | 
     return next((c for c in winners if c.family == candidate.family), winners[0] if winners else None)
 
 
-def chosen_of(diagnosis: Diagnosis) -> list[Candidate]:
-    """Candidates for the missing effects, in the order of adding."""
-    missing = {step.effect for step in diagnosis.steps[1:]}
-    return [candidate for candidate in diagnosis.ranking if candidate.effect.name in missing]
-
-
 def draw_suggestion(suggestion: Suggestion) -> None:
     """Draw the command of the best mission with what it is expected to tell, or why none is suggested."""
-    *reasons, answer = suggestion.lines()
+    *reasons, answer = map(str, suggestion.answer)
     if suggestion.best is None:
         tag("p", "", answer)
     else:
@@ -191,5 +175,5 @@ def draw_suggestion(suggestion: Suggestion) -> None:
             ui.button(icon="content_copy", on_click=lambda: ui.clipboard.write(command)).props(
                 'flat dense round aria-label="Copy the command"'
             )
-    for reason in (*suggestion.reasons(), *reasons):
+    for reason in (*map(str, suggestion.reasons), *reasons):
         tag("p", "muted", reason)

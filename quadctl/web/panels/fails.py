@@ -8,30 +8,23 @@ from nicegui.events import GenericEventArguments
 
 from quadctl.lab.arrays import Mask
 from quadctl.lab.comparison.comparison import Comparison
-from quadctl.lab.comparison.failures import MOST, Failure, Profile, told
-from quadctl.lab.comparison.wording import (
-    agreement_in_short,
-    agreement_parts,
-    ended,
-    failure_in_words,
-    followed_in_words,
-    listed,
-    sentence,
-    untold_in_words,
-)
+from quadctl.lab.comparison.failures import MOST, Failure, Profile, followed, told, unexplained
+from quadctl.lab.comparison.wording import ended, listed, sentence
 from quadctl.lab.evaluation import Evaluation
 from quadctl.lab.flights.flight import Flight
 from quadctl.lab.flights.prediction import AXES
 from quadctl.web.elements.html import empty, heading, loading, plot, tag
 from quadctl.web.elements.theme import Theme
 from quadctl.web.figures.error_map import error_map
-from quadctl.web.figures.profile import profile_figure, share_in_words
+from quadctl.web.figures.profile import profile_figure
 from quadctl.web.panels.choices import Brush
 from quadctl.web.panels.chosen_flight import ChosenFlightPanel, selected
 from quadctl.web.panels.glossary import explained
 from quadctl.web.panels.panel import Controls, Panel, Tab
 from quadctl.web.panels.sensors import HeightSensors
-from quadctl.web.panels.stack import apart_in_words
+from quadctl.web.panels.stack import apart
+from quadctl.web.panels.words import Said
+from quadctl.words import Fact, fact
 
 _SCROLL = "document.querySelector('#selected').scrollIntoView()"
 _SCROLL_WHEN_DRAWN = """
@@ -80,11 +73,11 @@ class Failures(Panel):
                     _draw_sentences(do, each)
         if evaluation.agreement is not None:
             with tag("section", "card"):
-                heading(agreement_in_short(evaluation.agreement))
-                for i, part in enumerate(agreement_parts(evaluation.agreement)):
-                    tag("p", "verdict-of-flights" if i == 0 else "muted", ended(sentence(part)))
-                if apart := apart_in_words(evaluation):
-                    tag("p", "muted", apart)
+                heading(str(evaluation.agreement.answer))
+                for i, part in enumerate(evaluation.agreement.parts):
+                    tag("p", "verdict-of-flights" if i == 0 else "muted", ended(sentence(str(part))))
+                for said in apart(evaluation):
+                    tag("p", "muted", str(said))
         telling = comparison.telling
         with tag("section", "card"):
             heading(
@@ -97,12 +90,14 @@ class Failures(Panel):
             with tag("div", "panes"):
                 for profile in (telling or comparison.profiles[:2])[:SHOWN_PROFILES]:
                     name = f"residual_{profile.axis}_over_{profile.variable}"
-                    drawn, caption = (
-                        profile_figure(comparison, profile, self.theme),
-                        share_in_words(comparison, profile),
-                    )
+                    drawn, caption = profile_figure(comparison, profile, self.theme), str(share_of(profile, comparison))
                     shown = plot(drawn, name, name.replace("_", " "), caption)
                     _let_select(do, shown, profile.axis, (profile.variable,))
+
+
+def share_of(profile: Profile, comparison: Comparison) -> Fact:
+    """Share of the squared residual in the means of a profile, with its p-value."""
+    return fact(Said.SHARE, share=profile.share, of_all=comparison.share_of_all(profile), p=profile.p_value)
 
 
 def _draw_sentences(do: Controls, comparison: Comparison) -> None:
@@ -111,10 +106,9 @@ def _draw_sentences(do: Controls, comparison: Comparison) -> None:
     shown = told(comparison.fails_where, SHOWN_SENTENCES)
     for failure in shown:
         _draw_sentence(do, failure, comparison)
-    untold = untold_in_words(comparison.fails_where, comparison.rmse)
-    for said in (followed_in_words(shown, comparison.dataset), untold):
-        if said:
-            tag("p", "muted", said)
+    for said in (followed(shown, comparison.dataset), unexplained(comparison.fails_where, comparison.rmse)):
+        if said is not None:
+            tag("p", "muted", str(said))
 
 
 def _is_most(flight: Flight, ranges: Brush) -> bool:
@@ -128,7 +122,7 @@ def _draw_sentence(do: Controls, failure: Failure, comparison: Comparison) -> No
     ranges = {failure.variable: (failure.low, failure.high)}
     flight = failure.stretches[0].flight if failure.stretches else None
     with tag("div", "line top said"):
-        tag("p", "grow", f"{failure_in_words(failure)} ({abs(failure.sigma):.0f} sigma).")
+        tag("p", "grow", f"{failure.said} ({abs(failure.sigma):.0f} sigma).")
         if any(_is_most(other, ranges) for other in comparison.dataset.flights if other.name == flight):
             if len(comparison.dataset.flights) > 1:  # a selection of the whole flight shows nothing
                 tag("span", "muted", f"most of {flight}")
@@ -139,7 +133,7 @@ def _draw_sentence(do: Controls, failure: Failure, comparison: Comparison) -> No
             ui.run_javascript(_SCROLL_WHEN_DRAWN)
 
         show = ui.button("Show", icon="my_location", on_click=select)
-        show.props(f'flat dense no-caps size=sm aria-label="Show where in the flight: {failure_in_words(failure)}"')
+        show.props(f'flat dense no-caps size=sm aria-label="Show where in the flight: {failure.said}"')
 
 
 @dataclass(frozen=True)

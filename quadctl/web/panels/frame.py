@@ -17,7 +17,7 @@ from quadctl.web.panels.glossary import explained
 from quadctl.web.panels.panel import Controls, Panel, work_button
 from quadctl.web.panels.vehicle import VehicleChoice
 from quadctl.web.session.earlier import Earlier
-from quadctl.web.session.session import Rung
+from quadctl.web.session.session import Step
 from quadctl.web.work.jobs import Opened
 from quadctl.web.work.reading import OpenedLog
 from quadctl.web.work.state import Message, Work
@@ -122,20 +122,20 @@ def _draw_doubt(do: Controls, log: OpenedLog) -> None:
 class FittedTo(Panel):
     """A word on flights that the parameters have not been fitted to, with a way to refit them."""
 
-    rung: Rung | None
+    step: Step | None
     seen: Dataset | None
     off: frozenset[str]
     unseen: frozenset[Path]
     of_other_flights: tuple[str, ...]
 
     def draw(self, do: Controls) -> None:
-        if self.rung is None or self.seen is None:
+        if self.step is None or self.seen is None:
             return
         for said in self.of_other_flights:
             with tag("div", "banner").props('role="status" id="of-other-flights"'):
                 ui.icon("rule")
                 tag("span", "grow", f"{said} The error counts that.")
-        used, new = flights_of_the_fit(self.rung.model, self.seen.names)
+        used, new = flights_of_the_fit(self.step.model, self.seen.names)
         known = sorted({log.name for log in self.unseen} & set(used))
         if not (new or known):
             return

@@ -5,30 +5,24 @@ from dataclasses import dataclass
 from nicegui import ui
 
 from quadctl.lab.comparison.reservations import is_of_the_thrust
-from quadctl.lab.comparison.wording import (
-    ERRORS,
-    change_in_words,
-    looks_like,
-    p_in_words,
-    parameters_in_text,
-    plain,
-)
+from quadctl.lab.comparison.wording import ERRORS, Said, change_in_words, p_in_words, parameters_in_text, plain
 from quadctl.lab.flights.dataset import Dataset
 from quadctl.lab.flights.flight import VARIABLE_NAMES
 from quadctl.lab.planning.suggestion import Suggestion
 from quadctl.lab.selection.candidate import Candidate
 from quadctl.lab.selection.rule import is_supported
 from quadctl.lab.selection.wording import reason_against
-from quadctl.lab.words import in_words
+from quadctl.lab.words import Answer, in_words
 from quadctl.model import Model
 from quadctl.web.elements.html import heading, tag
 from quadctl.web.elements.theme import Theme
 from quadctl.web.figures.sketch import sketch_svg
-from quadctl.web.panels.evidence import Evidence, chosen_of, draw_suggestion, rival_of
+from quadctl.web.panels.evidence import Evidence, draw_suggestion, rival_of
 from quadctl.web.panels.overview import Overview
 from quadctl.web.panels.panel import Controls, Panel, Tab, work_button
 from quadctl.web.panels.verdict import Verdict, draw_expression
 from quadctl.web.session.findings import Diagnosed
+from quadctl.words import Fact, fact
 
 NOT_NEEDED = "They explain what those above explain, and are not needed together with them."
 NO_HELP = "These effects do not reduce the held-out error by more than chance might, or not as they physically can."
@@ -56,7 +50,7 @@ class Candidates(Panel):
 
     def _draw_found(self, do: Controls, found: Diagnosed) -> None:
         diagnosis = found.diagnosis
-        chosen = chosen_of(diagnosis)
+        chosen = diagnosis.chosen
         missing = {candidate.effect.name for candidate in chosen}
         alike = {other: first for first, other in diagnosis.confounded}
         rest = [c for c in diagnosis.ranking if c.effect.name not in missing]
@@ -77,9 +71,12 @@ class Candidates(Panel):
                 more = ui.expansion(f"{title} ({len(group)})", caption=text).classes("more")
                 with more, tag("div", "candidates"):
                     for candidate in group:
-                        why = _instead_of(alike[candidate.family]) if candidate.family in alike else ""
+                        why = None
+                        if candidate.family in alike:
+                            why = fact(Answer.INSTEAD, family=alike[candidate.family])
                         if group is others:
-                            why = f"Why not: {in_words(reason_against(candidate, rival_of(candidate, chosen)))}."
+                            against = in_words(reason_against(candidate, rival_of(candidate, chosen)))
+                            why = fact(Answer.WHY_NOT, reason=against)
                         self._draw_card(do, found, candidate, [], primary=False, why=why)
         if diagnosis.untried:
             text = "The flights do not vary enough to identify these effects."
@@ -96,7 +93,7 @@ class Candidates(Panel):
 
     def _draw_expected(self, do: Controls, before: Diagnosed) -> None:
         held = {effect.family() for effect in self.model.effects} if self.model is not None else set()
-        left = [candidate for candidate in chosen_of(before.diagnosis) if candidate.family not in held]
+        left = [candidate for candidate in before.diagnosis.chosen if candidate.family not in held]
         if left:
             heading("Found by the last search, and not added yet")
             with tag("div", "candidates"):
@@ -110,7 +107,7 @@ class Candidates(Panel):
         candidate: Candidate,
         alike: list[str],
         primary: bool,
-        why: str = "",
+        why: Fact | None = None,
     ) -> None:
         name = candidate.effect.name
         with tag("article", "card candidate primary" if primary else "card candidate").props(f'data-effect="{name}"'):
@@ -135,9 +132,9 @@ class Candidates(Panel):
             intervals = " (95% intervals)" if candidate.ci95 else ""
             tag("p", "mono muted", f"{parameters_in_text(candidate.effect, candidate.ci95)}{intervals}")
             if alike:
-                tag("p", "note", looks_like(alike))
-            if why:
-                tag("p", "note", why)
+                tag("p", "note", str(fact(Said.LOOKS_LIKE, families=alike)))
+            if why is not None:
+                tag("p", "note", str(why))
             for remark in candidate.remarks:
                 tag("p", "note", f"Note: {remark}.")
             if self.thrust_reservation and is_of_the_thrust(candidate.effect):
@@ -146,15 +143,9 @@ class Candidates(Panel):
             with tag("div", "line wrap actions"):
                 props = f'aria-label="Add {name}" {"unelevated" if primary else "outline"}'
                 work_button(do, "Add", lambda: do.bench.add(name), props, "add", not held)
-                if candidate in chosen_of(found.diagnosis):
+                if candidate in found.diagnosis.chosen:
                     show = ui.button("Evidence", icon="fact_check", on_click=lambda: do.show_evidence(name))
                     show.props(f'flat no-caps aria-label="Evidence for {name}"')
-
-
-def _instead_of(other: str) -> str:
-    """Sentences on a candidate that the data did not distinguish from an effect that was chosen."""
-    same = f"It explains the same as {plain(other)}: beside that it changes nothing, instead of it it would."
-    return f"{same} These data do not tell which of the two it is."
 
 
 @dataclass(frozen=True)

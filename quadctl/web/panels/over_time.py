@@ -76,7 +76,7 @@ class OverTime(ChosenFlightPanel):
             replayed_plot(replay, frame_times(flight), timeline, f"{flight.name}_path", "Flight path")
 
     def _draw_other_model(self, do: Controls) -> None:
-        """Draw the choice of a further model, which is drawn over the others: a step of the ladder, or a file."""
+        """Draw the choice of a further model, which is drawn over the others: a step of the sequence, or a file."""
         with tag("div", "line wrap beside"):
             options = {"": "none", **self.comparable}
             chosen = self.beside if self.beside in options else ""

@@ -19,13 +19,15 @@ from quadctl.web.figures.channels import channel_timeline
 from quadctl.web.figures.timeline import short_timeline
 from quadctl.web.panels.glossary import explained
 from quadctl.web.panels.panel import Controls, Panel
-from quadctl.web.panels.stack import kind_in_words
+from quadctl.web.panels.stack import kind_of
+from quadctl.web.panels.words import Said
 from quadctl.web.panels.zoomed import zoomed_plot
 from quadctl.web.work.predictions import predictions
+from quadctl.words import Fact, fact
 
 AS_LOGGED = ("z_m", "z_ref_m", "vx_m_s", "vy_m_s", "vz_m_s")
-TRIM_SEEN = 1.1
-"""Least ratio of the error of a line as it is drawn to the error without trim at which the difference is told."""
+BIAS_SEEN = 1.1
+"""Least ratio of the error of a line as it is drawn to that without per-flight bias at which it is said."""
 
 
 @dataclass(frozen=True)
@@ -78,27 +80,23 @@ class ErrorsByAxis(Panel):
         where = "Error" if len(self.evaluation.by_flight) == 1 else "Error in this flight"
         shown = f"{where}, all axes: {quantity(errors['total'])}; shown is {self.axis}, {quantity(errors[self.axis])}"
         largest = f". It is largest {worst}: {quantity(errors[worst])}"
-        kind = sentence(kind_in_words(self.evaluation))
+        kind = sentence(str(kind_of(self.evaluation)))
         with tag("p", "muted"):
             at_worst = ", the axis with the largest error"
-            drawn = "" if self.model is None else as_drawn(errors[self.axis], self.model, self.flight, self.axis)
+            drawn = [] if self.model is None else as_drawn(errors[self.axis], self.model, self.flight, self.axis)
             quiet = beside_the_motion(errors[self.axis], self.flight, self.axis)
-            explained(f"{shown}{at_worst if self.axis == worst else largest}. {kind}.{drawn}{quiet}")
+            first = f"{shown}{at_worst if self.axis == worst else largest}. {kind}."
+            explained(" ".join([first, *map(str, (*drawn, *quiet))]))
 
 
-def as_drawn(error_m_s2: float, model: Model, flight: Flight, axis: str) -> str:
-    """Sentence on a line that is farther from the measured one than the error says, which leaves trims out; empty where
-    it is not."""
+def as_drawn(error_m_s2: float, model: Model, flight: Flight, axis: str) -> list[Fact]:
+    """The error of a line that is farther from the measured one than the error says, which leaves per-flight biases
+    out; none where it is not."""
     off = rmse(flight.measured - predictions({"": model}, flight)[""])[axis]
-    if off < TRIM_SEEN * error_m_s2:
-        return ""
-    return f" The line is drawn without the per-flight bias, as the model flies: it is off by {quantity(off)} {axis}."
+    return [] if off < BIAS_SEEN * error_m_s2 else [fact(Said.DRAWN_WITHOUT_BIAS, off_m_s2=off, axis=axis)]
 
 
-def beside_the_motion(error_m_s2: float, flight: Flight, axis: str) -> str:
-    """Sentence on a flight that accelerates less along an axis than the model is wrong by; empty where it does not."""
+def beside_the_motion(error_m_s2: float, flight: Flight, axis: str) -> list[Fact]:
+    """The motion of a flight that accelerates less along an axis than the model is wrong by; none where it does not."""
     moves = float(np.sqrt(np.mean(flight.measured[:, AXES.index(axis)] ** 2)))
-    if error_m_s2 <= moves:
-        return ""
-    closer = " No acceleration at all would be a closer prediction here"
-    return f"{closer}: it is {quantity(moves)} {axis} (RMS)."
+    return [] if error_m_s2 <= moves else [fact(Said.NO_ACCELERATION_IS_CLOSER, moves_m_s2=moves, axis=axis)]

@@ -4,8 +4,8 @@ from dataclasses import dataclass
 
 from quadctl.lab.sensors.answers import SensorAnswers
 from quadctl.lab.sensors.comparison import flown
-from quadctl.lab.sensors.diagnosis import Untold
-from quadctl.lab.sensors.words import answer, untold
+from quadctl.lab.sensors.diagnosis import NoAnswer
+from quadctl.lab.sensors.words import answer, no_reference
 from quadctl.web.elements.html import heading, plot, tag
 from quadctl.web.elements.theme import Theme
 from quadctl.web.figures.height_sensor import sensor_figure
@@ -24,12 +24,12 @@ class HeightSensors(Panel):
         for found in () if self.sensors is None else self.sensors.answers:
             with tag("section", "card").props(f'data-sensor="{found.sensor}"'):
                 heading(f"The {found.sensor}", "Its reading beside a reference that does not lean on it.")
-                if isinstance(found, Untold):
-                    for sentence in untold(found):
-                        tag("p", "verdict", f"{sentence}.")
+                if isinstance(found, NoAnswer):
+                    for fact in no_reference(found):
+                        tag("p", "verdict", f"{fact}.")
                     continue
-                for i, sentence in enumerate(answer(found)):
-                    tag("p", "muted" if i else "verdict", sentence.strip())
+                for i, fact in enumerate(answer(found)):
+                    tag("p", "muted" if i else "verdict", str(fact).strip())
                 with tag("div", "panes"):
                     for variable in flown(found.flights):
                         drawn = sensor_figure(found, variable, self.theme)

@@ -1,4 +1,4 @@
-"""The effect stack: the effects of the model, their parameters with intervals, and the trim of each flight."""
+"""The effect stack: the effects of the model, their parameters with intervals, and the bias of each flight."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -8,17 +8,8 @@ from nicegui import ui
 
 from quadctl.lab.arrays import Mask
 from quadctl.lab.comparison.reservations import is_of_the_thrust
-from quadctl.lab.comparison.wording import (
-    interval_in_text,
-    listed,
-    looks_like,
-    number,
-    p_in_words,
-    plain,
-    plus,
-    trim_in_words,
-    value_in_text,
-)
+from quadctl.lab.comparison.wording import Said as Compared
+from quadctl.lab.comparison.wording import bias_of, interval_in_words, number, plain, plus, value_in_text
 from quadctl.lab.evaluation import Evaluation
 from quadctl.lab.fitting.nuisances import KINDS, bounds
 from quadctl.lab.flights.dataset import Dataset
@@ -27,8 +18,10 @@ from quadctl.model import StackedEffect
 from quadctl.web.elements.html import table, tag
 from quadctl.web.panels.glossary import explained
 from quadctl.web.panels.panel import Controls, Panel, work_button
+from quadctl.web.panels.words import Said
 from quadctl.web.session.findings import Diagnosed
-from quadctl.web.session.session import Rung
+from quadctl.web.session.session import Step
+from quadctl.words import Fact, fact
 
 AT_LIMIT = 0.98
 """Share of its bound at which an offset is said to be at its limit."""
@@ -57,9 +50,9 @@ CORRECTED = {"thrust_scale": "thrust", "roll_rad": "tilt", "delay_s": "lag"}
 """Number of the vehicle that more of a nuisance would correct, for those of which a search can tell."""
 
 _KINDS_BY_FLIGHT = {
-    "cross-validated": "cross-validated",
-    "as it stands": "of the model as it stands",
-    "held out": "of the model as it is exported, per-flight bias included",
+    "cross-validated": Said.CROSS_VALIDATED,
+    "as it stands": Said.AS_IT_STANDS,
+    "held out": Said.HELD_OUT,
 }
 
 
@@ -67,9 +60,9 @@ _KINDS_BY_FLIGHT = {
 class Stack(Panel):
     """The effects of the model, each with a switch and a button that removes it."""
 
-    rung: Rung | None
+    step: Step | None
     off: frozenset[str]
-    look_alikes: dict[str, tuple[str, ...]]
+    confounded: dict[str, tuple[str, ...]]
     seen: Dataset | None
     evaluation: Evaluation | None
     found: Diagnosed | None
@@ -78,9 +71,9 @@ class Stack(Panel):
     can_redo: bool
 
     def draw(self, do: Controls) -> None:
-        if self.rung is None:
+        if self.step is None:
             return
-        model = self.rung.model
+        model = self.step.model
         with tag("section", "card stack").props('aria-label="Effect stack"'):
             with tag("div", "line"):
                 tag("h2", "title grow", "Effects in the model")
@@ -92,7 +85,7 @@ class Stack(Panel):
             if not model.stack:
                 tag("p", "muted", f"None yet: the rigid body of {model.vehicle.name}, weight and rotor thrust alone.")
             for item in model.stack:
-                alike = self.look_alikes.get(item.effect.family(), ())
+                alike = self.confounded.get(item.effect.family(), ())
                 _draw_effect(do, item, alike, on=item.effect.name not in self.off)
                 if self.thrust_reservation and is_of_the_thrust(item.effect):
                     tag("p", "note", self.thrust_reservation)
@@ -124,7 +117,7 @@ def _draw_effect(do: Controls, item: StackedEffect, alike: Sequence[str], on: bo
             work_button(do, "", lambda: do.bench.remove(effect.name), props, "close")
         tag("div", "mono muted", effect.name)
         if alike:
-            tag("p", "note", looks_like(alike))
+            tag("p", "note", str(fact(Compared.LOOKS_LIKE, families=alike)))
         ci95 = item.fitted.ci95 if item.fitted else {}
         units = {p.name: p.unit for p in effect.parameters()}
         if ci95:
@@ -135,57 +128,55 @@ def _draw_effect(do: Controls, item: StackedEffect, alike: Sequence[str], on: bo
                 with tag("dd"):
                     tag("span", "", f"{value_in_text(value)} {units[name]}".strip())
                     if name in ci95:
-                        words = f" {interval_in_text(value, ci95[name])}"
+                        words = f" {interval_in_words(value, ci95[name], value_in_text)}"
                         tag("span", "muted", words).props('title="95% confidence interval"')
 
 
 def _draw_errors(evaluation: Evaluation) -> None:
     with tag("p", "muted what"):
-        explained(f"Errors {kind_in_words(evaluation)}:")
+        explained(f"Errors {kind_of(evaluation)}:")
     rows = [(flight, number(errors["total"])) for flight, errors in evaluation.by_flight.items()]
     table("small by-flight", {"flight": "", "error / m/s²": "number"}, rows)
 
 
-def kind_in_words(evaluation: Evaluation) -> str:
-    """Return the kind of the errors by flight."""
-    said = _KINDS_BY_FLIGHT[evaluation.kind]
-    return said if evaluation.kind == "held out" else f"{said}, {trim_in_words(evaluation.comparison.dataset)}"
+def kind_of(evaluation: Evaluation) -> Fact:
+    """The kind of the errors by flight."""
+    return fact(_KINDS_BY_FLIGHT[evaluation.kind], bias=bias_of(evaluation.comparison.dataset))
 
 
-def apart_in_words(evaluation: Evaluation) -> str:
-    """Sentence on what was fitted to each flight by itself and differs much from flight to flight; empty where nothing
-    does."""
+def apart(evaluation: Evaluation) -> list[Fact]:
+    """What was fitted to each flight by itself and differs much from flight to flight; none where nothing does."""
     fitted = evaluation.solution.optimum.nuisances
     found = []
     for place, kind in enumerate(KINDS):
-        apart = float(np.ptp(fitted[:, place]))
-        if kind.name in NUISANCES and apart > APART * kind.prior_std:
+        size = float(np.ptp(fitted[:, place]))
+        if kind.name in NUISANCES and size > APART * kind.prior_std:
             name, factor, unit = NUISANCES[kind.name]
             least = "at least " if _limited(evaluation)[:, place].any() else ""
-            found.append(f"{name} by {least}{factor * apart:.2g} {unit}".replace(" %", "%").replace(" °", "°"))
-    return f"What is fitted to each flight by itself differs beside that: {listed(found)}." if found else ""
+            space = "" if unit in ("%", "°") else " "
+            found.append(fact(Said.APART_BY, name=name, least=least, size=factor * size, unit=f"{space}{unit}"))
+    return [fact(Said.APART, differences=found)] if found else []
 
 
-def limited_in_words(evaluation: Evaluation, found: Diagnosed | None) -> str:
-    """Sentences on the trims and calibrations that are at the limit of what is usual, and on what the search says of an
-    effect that more of them would be; empty where none is."""
+def at_limits(evaluation: Evaluation, found: Diagnosed | None) -> list[Fact]:
+    """The per-flight biases and calibrations that are at the limit of what is usual, and what the search says of an
+    effect that more of them would be; none where none is."""
     limited = _at_limit(evaluation)
     if not limited:
-        return ""
-    named = [f"{NUISANCES[name][0]} ({listed(flights)})" for name, flights in limited.items()]
-    sentences = [f"At the limit of what is usual for a flight: {listed(named)}."]
+        return []
+    named = [fact(Said.OF_FLIGHTS, name=NUISANCES[name][0], flights=flights) for name, flights in limited.items()]
+    facts = [fact(Said.AT_LIMIT, nuisances=named)]
     causes = dict.fromkeys(SAME_CAUSE.get(name, name) for name in limited)
     ranking = [] if found is None else found.diagnosis.ranking
     for corrected in (CORRECTED[cause] for cause in causes if cause in CORRECTED):
         tried = {c.p_value: c.family for c in ranking if c.effect.corrects == (corrected,)}
         if tried and not is_significant(p := min(tried)):
-            beyond = f"More than that would be a {plain(tried[p])}"
-            sentences.append(f"{beyond}, which these data do not establish (p {p_in_words(p)}).")
-    return " ".join(sentences)
+            facts.append(fact(Said.MORE_IS, family=tried[p], p=p))
+    return facts
 
 
 def _at_limit(evaluation: Evaluation) -> dict[str, list[str]]:
-    """Names of the flights with a trim or calibration at its limit, by the name of its kind."""
+    """Names of the flights with a bias or calibration at its limit, by the name of its kind."""
     names = evaluation.comparison.dataset.names
     limited = _limited(evaluation)
     found = {
@@ -205,14 +196,14 @@ def _limited(evaluation: Evaluation) -> Mask:
 def _draw_nuisances(evaluation: Evaluation, seen: Dataset, found: Diagnosed | None) -> None:
     fitted = evaluation.solution.optimum.nuisances
     shown = [(place, kind) for place, kind in enumerate(KINDS) if kind.name in NUISANCES]
-    at_limit, at_limits = _at_limit(evaluation), _limited(evaluation)
+    at_limit, limited = _at_limit(evaluation), _limited(evaluation)
     if at_limit:
-        tag("p", "note", limited_in_words(evaluation, found))
-    with ui.expansion("Trim and calibration").classes("nuisances").props("dense"):
+        tag("p", "note", " ".join(map(str, at_limits(evaluation, found))))
+    with ui.expansion("Per-flight bias and calibration").classes("nuisances").props("dense"):
         with tag("p", "muted"):
             explained(
-                "Trim and calibration are small offsets that differ between flights. They are fitted together with the "
-                "effects, and are not saved with the model."
+                "Per-flight bias and calibration are small offsets that differ between flights. They are fitted "
+                "together with the effects, and are not saved with the model."
             )
         with tag("div", "scroll").props('tabindex="0"'), tag("table", "small"):
             with tag("tr"):
@@ -224,9 +215,9 @@ def _draw_nuisances(evaluation: Evaluation, seen: Dataset, found: Diagnosed | No
                 with tag("tr"):
                     with tag("td"):
                         explained(f"{name} / {unit}")
-                    for value, limited in zip(fitted[:, place], at_limits[:, place], strict=True):
+                    for value, is_limited in zip(fitted[:, place], limited[:, place], strict=True):
                         text = plus(factor * value, decimals=2)
-                        tag("td", "number limited" if limited else "number", f"{text} *" if limited else text)
+                        tag("td", "number limited" if is_limited else "number", f"{text} *" if is_limited else text)
         if at_limit:
             beyond = dict.fromkeys(BEYOND[SAME_CAUSE.get(name, name)] for name in at_limit)
             tag("p", "note", f"* At the limit of what is an offset of one flight: {'; '.join(beyond)}.")

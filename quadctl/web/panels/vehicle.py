@@ -270,9 +270,8 @@ class _NewVehicle:
         self._drawing.set_content(rotors_svg(places, 0.5 * self._propeller.value, self._theme))
         self._overlap.clear()
         with self._overlap:
-            ui.label(overlap([place.position_m for place in places], self._propeller.value) or "").style(
-                "display:contents"
-            )
+            touching = overlap([place.position_m for place in places], self._propeller.value)
+            ui.label("" if touching is None else str(touching)).style("display:contents")
 
     async def _fill(self, log: Path) -> None:
         """Fill in what the parameters of an autopilot in a log say; the intake says why where it holds none."""

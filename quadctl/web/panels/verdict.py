@@ -2,42 +2,32 @@
 residual."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
-from typing import NamedTuple
 
 from nicegui import ui
 
-from quadctl.lab.comparison.agreement import flights_of_the_fit
-from quadctl.lab.comparison.remainder import Remainder
-from quadctl.lab.comparison.reservations import on_condition
-from quadctl.lab.comparison.wording import (
-    ERRORS,
-    change_in_words,
-    listed,
-    percent,
-    plain,
-    quantity,
-    remainder_in_words,
-)
+from quadctl.lab.comparison.wording import listed, percent, plain
 from quadctl.lab.evaluation import Evaluation
-from quadctl.lab.finding import Finding, Kind
+from quadctl.lab.finding import Kind
 from quadctl.lab.flights.dataset import Dataset, HoldOut
 from quadctl.lab.selection.diagnosis import Diagnosis
 from quadctl.lab.selection.unseen import UnseenError
-from quadctl.lab.words import in_words
+from quadctl.lab.verdict import Statement, statement
+from quadctl.lab.words import Answer, in_words
 from quadctl.model import Model
 from quadctl.vehicle import Vehicle
 from quadctl.web.elements.html import busy, tag
-from quadctl.web.panels.evidence import chosen_of
 from quadctl.web.panels.glossary import explained
 from quadctl.web.panels.panel import Controls, Panel, work_button
 from quadctl.web.session.findings import Diagnosed
-from quadctl.web.session.session import Rung
+from quadctl.web.session.session import Step
 from quadctl.web.work.state import LOOKING
+from quadctl.words import Fact, fact
 
 OPEN = "info"
 """Icon of a verdict that names nothing, and has no tick either."""
+ICONS = {"missing": "lightbulb", "unexplained": "help"}
 OF_BLOCKS = (
     "Judged on blocks of time of these flights: this is what all of them tell of the vehicle. The other choice, whole "
     "flights (on Flights), also counts what differs from flight to flight, and so tells what to expect of a further "
@@ -62,7 +52,7 @@ class Verdict(Panel):
     model: Model | None
     cautions: tuple[str, ...]
     reservations: tuple[str, ...]
-    rung: Rung | None
+    step: Step | None
 
     def draw(self, do: Controls) -> None:
         if self.seen is None:
@@ -72,12 +62,12 @@ class Verdict(Panel):
                 with tag("div", "line"):
                     busy()
                     tag("span", "verdict grow", f"{LOOKING}\u2026")
-            elif self.found is None:
+            elif self.found is None or self.statement is None:
                 self._draw_invitation(do)
             else:
-                _draw_verdict(do, self.found.diagnosis, self._with_reservation(self._in_words(self.found.diagnosis)))
+                _draw_verdict(do, self.found.diagnosis, self.statement, self.condition)
                 if self.hold_out == "blocks" and not self.unseen and len(self.seen.flights) > 1:
-                    tag("p", "muted", f"{OF_BLOCKS}{on_whole_flights(self.found.diagnosis.unseen)}")
+                    tag("p", "muted", " ".join([OF_BLOCKS, *map(str, on_whole_flights(self.found.diagnosis.unseen))]))
                 for said in (*self.reservations, *self.cautions):
                     tag("p", "note", said)
 
@@ -90,10 +80,10 @@ class Verdict(Panel):
     def sentences(self) -> tuple[str, ...]:
         """The verdict in words with what is to be said of the data, the main sentence first; empty before the end of
         the search."""
-        if self.found is None or self.searching:
+        if self.statement is None:
             return ()
-        said = self._with_reservation(self._in_words(self.found.diagnosis))
-        return said.verdict, *said.more, *self.reservations, *self.cautions
+        verdict, more = self.statement
+        return in_words(verdict, self.condition), *map(in_words, more), *self.reservations, *self.cautions
 
     def _draw_invitation(self, do: Controls) -> None:
         with tag("div", "line"):
@@ -103,85 +93,26 @@ class Verdict(Panel):
                 look = ui.button("Look for what is missing", on_click=lambda: do.act(do.bench.look()))
                 look.props("no-caps unelevated")
 
-    def _in_words(self, diagnosis: Diagnosis) -> "_Said":
-        if diagnosis.verdict == "missing":
-            return _Said("lightbulb", in_words(diagnosis.answer[0]), self._missing(diagnosis))
-        left = self._remainder()
-        stands = self.evaluation is not None and self.evaluation.kind == "as it stands"
-        more = [] if left is None else [remainder_in_words(left, self._on_held_out())]
-        if stands:
-            more = ["The search refits the model to these flights; the error at the top is of the model as it stands."]
-        small = left is not None and left.is_near_the_floor
-        if diagnosis.verdict == "unexplained":
-            more.append("The residual depends on the logged variables, but no effect of the catalogue describes how.")
-            return _Said("help", in_words(Finding(Kind.LITTLE_UNEXPLAINED) if small else diagnosis.answer[0]), more)
-        if diagnosis.verdict == "small":
-            of_small = [in_words(found) for found in diagnosis.answer if found.kind is Kind.SMALL]
-            return _Said(OPEN, in_words(diagnosis.answer[0]), of_small + more)
-        more.insert(0, "No effect of the catalogue reduces the held-out error enough to matter.")
-        found = self._none(diagnosis, stands, small)
-        return _Said("check_circle" if found.kind is Kind.NOTHING_SIGNIFICANT else OPEN, in_words(found), more)
-
-    def _none(self, diagnosis: Diagnosis, stands: bool, small: bool) -> Finding:
-        """Finding that nothing is missing, with what limits it: the flights of the fit, or the error that remains."""
-        used, new = ([], []) if self.rung is None else flights_of_the_fit(self.rung.model, diagnosis.dataset.names)
-        known = sorted({log.name for log in self.unseen} & set(used))
-        if known:
-            return Finding(Kind.NONE_BUT_FITTED_TO_HELD_OUT, {"flights": known})
-        if used and (stands or new):
-            return Finding(Kind.NONE_BUT_FITTED_TO_OTHERS, {"flights": used})
-        if stands:
-            return Finding(Kind.NONE_BUT_NOT_FITTED)
-        if small:
-            return Finding(Kind.NOTHING_SIGNIFICANT)
-        if self._remainder() is not None and self.evaluation is not None and self.evaluation.unseen is not None:
-            return Finding(Kind.NONE_BUT_LARGER_HELD_OUT, {"flights": list(diagnosis.dataset.names)})
-        return Finding(Kind.NONE_BUT_MORE_THAN_NOISE)
-
-    def _with_reservation(self, said: "_Said") -> "_Said":
-        """The verdict on the condition that the vehicle is the one that flew, where nobody has said so, or where its
-        thrust would carry another weight."""
-        return said._replace(verdict=on_condition(said.verdict, self.condition))
-
-    def _missing(self, diagnosis: Diagnosis) -> list[str]:
-        """Sentences below the verdict on what is missing."""
-        more = [in_words(found) for found in diagnosis.answer if found.kind is Kind.ERROR]
-        if self.unseen:
-            more = [f"{said} The flights are those for fitting." for said in more]
-        for candidate in chosen_of(diagnosis):
-            if candidate.measure != "total":
-                falls = f"{change_in_words(candidate.held_out_drop)} held-out {ERRORS[candidate.measure]}"
-                more.append(f"What shows {plain(candidate.family)} is another error: {falls}.")
-        return more + [in_words(found) for found in diagnosis.answer if found.kind is Kind.PART_UNEXPLAINED]
-
-    def _remainder(self) -> Remainder | None:
-        """The remaining error, beside the reference error that the ladder shows."""
-        if self.evaluation is None or self.floor_m_s2 is None:
+    @property
+    def statement(self) -> Statement | None:
+        """The verdict, with what is said below it; None before the end of the search."""
+        if self.found is None or self.searching:
             return None
-        return replace(self.evaluation.remainder, floor_m_s2=self.floor_m_s2)
-
-    def _on_held_out(self) -> str:
-        if self.evaluation is None or self.evaluation.unseen is None:
-            return ""
-        return f" on the held-out {listed(self.evaluation.unseen.dataset.names)}"
+        unseen, model = {log.name for log in self.unseen}, None if self.step is None else self.step.model
+        return statement(self.found.diagnosis, model, unseen, self.evaluation, self.floor_m_s2)
 
 
-class _Said(NamedTuple):
-    """A verdict in words."""
-
-    icon: str
-    verdict: str
-    more: list[str]
-
-
-def _draw_verdict(do: Controls, diagnosis: Diagnosis, said: "_Said") -> None:
+def _draw_verdict(do: Controls, diagnosis: Diagnosis, said: Statement, condition: Vehicle | None) -> None:
     with tag("div", "line top verdict-line"):
-        ui.icon(said.icon).classes(f"verdict-icon {'open' if said.icon == OPEN else diagnosis.verdict}")
+        sure = said.verdict.kind is Kind.NOTHING_SIGNIFICANT
+        icon = "check_circle" if sure else ICONS.get(diagnosis.verdict, OPEN)
+        ui.icon(icon).classes(f"verdict-icon {'open' if icon == OPEN else diagnosis.verdict}")
         with tag("div", "grow"):
-            tag("p", "verdict", said.verdict).props(f'id="verdict" data-verdict="{diagnosis.verdict}"')
+            verdict = tag("p", "verdict", in_words(said.verdict, condition))
+            verdict.props(f'id="verdict" data-verdict="{diagnosis.verdict}"')
             for each in said.more:
                 with tag("p", "muted"):
-                    explained(each)
+                    explained(in_words(each))
         names = [step.effect for step in diagnosis.steps[1:]]
         if names:
             label = f"Add {plain(diagnosis.missing[0])}" if len(names) == 1 else f"Add all {len(names)}"
@@ -209,17 +140,12 @@ def draw_expression(do: Controls, diagnosis: Diagnosis) -> None:
         tag("span", "muted grow", "A formula without physics: valid only within the range of these flights.")
 
 
-def on_whole_flights(unseen: Sequence[UnseenError]) -> str:
-    """Sentence on the error with what was found where whole flights are held out, beside that on blocks of time; empty
-    where it is not known."""
+def on_whole_flights(unseen: Sequence[UnseenError]) -> list[Fact]:
+    """The error with what was found where whole flights are held out, beside that on blocks of time; none where it is
+    not known."""
     by = {error.hold_out: error for error in unseen}
     if not {"blocks", "flights"} <= by.keys():
-        return ""
+        return []
     before, after = (getattr(by["flights"], which)["total"] for which in ("before", "after"))
-    if before == after:
-        return f" With whole flights held out the error is {quantity(before)}."
-    on_blocks = quantity(by["blocks"].after["total"])
-    return (
-        f" With all that is missing, the error with whole flights held out is {quantity(after)} instead of "
-        f"{quantity(before)}; on blocks of time it is {on_blocks}."
-    )
+    on_blocks = by["blocks"].after["total"]
+    return [fact(Answer.BY_FLIGHTS, same=before == after, before=before, after=after, on_blocks=on_blocks)]

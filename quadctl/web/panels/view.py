@@ -7,7 +7,6 @@ from typing import Any, Literal
 
 from quadctl.lab.comparison.comparison import values_of_other_flights
 from quadctl.lab.comparison.reservations import reservations, thrust_reservation
-from quadctl.lab.comparison.wording import sentence
 from quadctl.lab.flights.flight import Flight
 from quadctl.logs.flight_log import FlightLog
 from quadctl.model import Model
@@ -56,7 +55,7 @@ class View:
     folder: Path
     """Folder that the page saves in."""
     other_model: Model | None
-    """Model of a file, named after it, to be drawn beside those of the ladder."""
+    """Model of a file, named after it, to be drawn beside those of the model sequence."""
     theme: Theme
 
     def value(self, name: str) -> Any:
@@ -126,13 +125,14 @@ class View:
     def reservations(self) -> tuple[str, ...]:
         """Sentences on what the results cannot tell, since numbers of the vehicle were assumed."""
         vehicle, seen = self.session.vehicle, self.opened.seen
-        return () if vehicle is None or seen is None else tuple(reservations(vehicle, seen))
+        return () if vehicle is None or seen is None else tuple(f"{each}." for each in reservations(vehicle, seen))
 
     @property
     def thrust_reservation(self) -> str:
         """The one of them on mass and thrust; empty where the thrust does not rest on an assumed number."""
         vehicle, seen = self.session.vehicle, self.opened.seen
-        return "" if vehicle is None or seen is None else thrust_reservation(vehicle, seen)
+        said = None if vehicle is None or seen is None else thrust_reservation(vehicle, seen)
+        return "" if said is None else f"{said}."
 
     @property
     def of_other_flights(self) -> tuple[str, ...]:
@@ -141,33 +141,33 @@ class View:
         if model is None:
             return ()
         found = (note for part in parts if part is not None for note in values_of_other_flights(model, part.names))
-        return tuple(f"{sentence(note)}." for note in found)
+        return tuple(f"{note}." for note in found)
 
     # --- models and results -------------------------------------------------------------------------------------------
 
     @property
     def models(self) -> dict[str, Model]:
-        """The first model of the ladder and the current one, by their names in a legend; and that beside them."""
+        """The first model of the sequence and the current one, by their names in a legend; and that beside them."""
         session, beside = self.session, self.choices.beside
         if session.model is None:
             return {}
-        first = session.rungs[0]
+        first = session.sequence[0]
         changed = session.current > 0 or session.off
         shown = {first.name: first.model} | ({CURRENT: session.model} if changed else {})
         if beside not in self.comparable:
             return shown
-        other = self.other_model if beside == FILE else session.rungs[int(beside)].model
+        other = self.other_model if beside == FILE else session.sequence[int(beside)].model
         return shown if other is None else shown | {self.comparable[beside]: other}
 
     @property
     def comparable(self) -> dict[str, str]:
         """Models that can be drawn beside the others: their names in a legend, by the value of `Choices.beside`."""
-        steps = {str(i): f"step {i + 1}: {rung.name}" for i, rung in enumerate(self.session.rungs)}
+        steps = {str(i): f"step {i + 1}: {step.name}" for i, step in enumerate(self.session.sequence)}
         return steps | ({} if self.other_model is None else {FILE: f"file {self.other_model.name}"})
 
     @property
     def floor_m_s2(self) -> float | None:
-        """Lowest reference error of all steps of the ladder, m/s^2; None before the first is known."""
+        """Lowest reference error of all steps of the model sequence, m/s^2; None before the first is known."""
         evaluation = self.results.evaluation
         floors = [self.session.floor_m_s2, None if evaluation is None else evaluation.floor_m_s2]
         return min((floor for floor in floors if floor is not None), default=None)

@@ -13,6 +13,7 @@ from quadctl.web.session.session import AUTOSAVED, SUFFIX, SessionFile
 
 PREVIOUS = "previous"
 """Beginning of the names of the files that hold sessions before the present one, in the folder of the page."""
+NO_EFFECT = "no effect added"
 MOST = 8
 """Number of sessions that are listed, the latest first."""
 
@@ -38,7 +39,7 @@ class Earlier:
     @property
     def details(self) -> str:
         """When it was saved, its vehicle, the effects in the model and the error."""
-        model = listed([plain(family) for family in self.effects]) if self.effects else "no effect added"
+        model = listed([plain(family) for family in self.effects]) if self.effects else NO_EFFECT
         error = "" if self.error_m_s2 is None else f", error {quantity(self.error_m_s2)}"
         return f"{self.saved:%d %B %Y, %H:%M}: {self.vehicle}, {model}{error}"
 

@@ -148,11 +148,3 @@ def own_effects(settings: Any) -> Iterator[str]:
     elif isinstance(settings, list):
         for value in settings:
             yield from own_effects(value)
-
-
-def too_large(name: str, size: float) -> str:
-    """Sentence for a file that is refused for its size."""
-    return (
-        f"{name}: has {size / 2**20:,.0f} MB, expected at most {MAX_UPLOAD_BYTES / 2**20:.0f} MB: "
-        f"name it on the command line instead, quadctl lab {name}"
-    )

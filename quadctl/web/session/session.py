@@ -1,4 +1,4 @@
-"""The session: flights, the ladder of models with the results for each, and the current step.
+"""The session: flights, the sequence of models with the results for each, and the current step.
 
 A session is a value: every action gives a new one. It can be written to a file and read again.
 """
@@ -24,8 +24,8 @@ AUTOSAVED = f"session{SUFFIX}"
 
 
 @dataclass(frozen=True)
-class Rung:
-    """One step of the error ladder."""
+class Step:
+    """One step of the model sequence."""
 
     name: str
     """Name of the action: `rigid body`, `+ ground_effect.exponential`, `refitted`."""
@@ -47,8 +47,8 @@ class Session:
     """Logs that no fit may see."""
     hold_out: HoldOut = "blocks"
     """Parts of the other logs that cross-validation leaves out, one fold at a time."""
-    rungs: tuple[Rung, ...] = ()
-    """Steps of the ladder, beginning with the first model; empty until a vehicle is chosen."""
+    sequence: tuple[Step, ...] = ()
+    """Steps of the model sequence, beginning with the first model; empty until a vehicle is chosen."""
     current: int = 0
     off: frozenset[str] = field(default_factory=frozenset)
     """Effects of the current model that are switched off, by name."""
@@ -60,29 +60,29 @@ class Session:
     """True where nobody has said which vehicle flew: it was taken from the flight configuration."""
 
     @property
-    def rung(self) -> Rung | None:
-        return self.rungs[self.current] if self.rungs else None
+    def step(self) -> Step | None:
+        return self.sequence[self.current] if self.sequence else None
 
     @property
     def vehicle(self) -> Vehicle | None:
-        return self.rungs[0].model.vehicle if self.rungs else None
+        return self.sequence[0].model.vehicle if self.sequence else None
 
     @property
     def model(self) -> Model | None:
         """The current model without what is switched off."""
-        if self.rung is None:
+        if self.step is None:
             return None
-        model = self.rung.model
+        model = self.step.model
         return replace(model, stack=tuple(item for item in model.stack if item.effect.name not in self.off))
 
     @property
-    def look_alikes(self) -> dict[str, tuple[str, ...]]:
+    def confounded(self) -> dict[str, tuple[str, ...]]:
         """Families that the data did not distinguish from those in the model, by the families of the model, as the
         searches of the steps up to the current one have found."""
         alike: dict[str, tuple[str, ...]] = {}
-        held = [] if self.rung is None else [effect.family() for effect in self.rung.model.effects]
-        for rung in self.rungs[: self.current + 1]:
-            pairs = [] if rung.found is None else rung.found.confounded
+        held = [] if self.step is None else [effect.family() for effect in self.step.model.effects]
+        for step in self.sequence[: self.current + 1]:
+            pairs = [] if step.found is None else step.found.confounded
             for one, other in [*pairs, *((b, a) for a, b in pairs)]:
                 if one in held and other not in alike.get(one, ()):
                     alike[one] = (*alike.get(one, ()), other)
@@ -91,17 +91,17 @@ class Session:
     @property
     def floor_m_s2(self) -> float | None:
         """Lowest reference error of all steps, m/s²: each estimate is an upper bound."""
-        return min((rung.floor_m_s2 for rung in self.rungs if rung.floor_m_s2 is not None), default=None)
+        return min((step.floor_m_s2 for step in self.sequence if step.floor_m_s2 is not None), default=None)
 
     def begun_with(self, model: Model) -> "Session":
-        """A new ladder that begins with `model`, whose vehicle somebody has chosen."""
+        """A new model sequence that begins with `model`, whose vehicle somebody has chosen."""
         name = "as it was" if model.stack else "rigid body"
-        return replace(self, rungs=(Rung(name, model),), current=0, off=frozenset(), vehicle_assumed=False)
+        return replace(self, sequence=(Step(name, model),), current=0, off=frozenset(), vehicle_assumed=False)
 
-    def climbed(self, rung: Rung) -> "Session":
+    def extended(self, step: Step) -> "Session":
         """Session with one more step after the current one; later steps are dropped."""
-        rungs = (*self.rungs[: self.current + 1], rung)
-        return replace(self, rungs=rungs, current=len(rungs) - 1, off=frozenset())
+        sequence = (*self.sequence[: self.current + 1], step)
+        return replace(self, sequence=sequence, current=len(sequence) - 1, off=frozenset())
 
     def at(self, step: int) -> "Session":
         """Session with another current step.
@@ -111,8 +111,8 @@ class Session:
         SettingsError
             There is no such step.
         """
-        if not 0 <= step < len(self.rungs):
-            raise SettingsError(f"step {step} of the ladder is asked for, expected 0 to {len(self.rungs) - 1}")
+        if not 0 <= step < len(self.sequence):
+            raise SettingsError(f"step {step} of the sequence is asked for, expected 0 to {len(self.sequence) - 1}")
         return replace(self, current=step, off=frozenset())
 
     def switched(self, effect: str) -> "Session":
@@ -125,20 +125,20 @@ class Session:
 
     def with_errors(self, errors: Mapping[int, tuple[float, float | None]]) -> "Session":
         """Session with the error and the reference error, m/s², of some of its steps, by their numbers."""
-        rungs = list(self.rungs)
-        for step, (error, floor) in errors.items():
-            rungs[step] = replace(rungs[step], error_m_s2=error, floor_m_s2=floor)
-        return replace(self, rungs=tuple(rungs))
+        sequence = list(self.sequence)
+        for number, (error, floor) in errors.items():
+            sequence[number] = replace(sequence[number], error_m_s2=error, floor_m_s2=floor)
+        return replace(self, sequence=tuple(sequence))
 
     def searched(self, model: Model, found: Findings) -> "Session":
         """Session with the findings of a search on `model`."""
         return replace(
-            self, rungs=tuple(replace(rung, found=found) if rung.model == model else rung for rung in self.rungs)
+            self, sequence=tuple(replace(step, found=found) if step.model == model else step for step in self.sequence)
         )
 
     def unjudged(self) -> "Session":
         """Session without errors, reference errors and findings, for when the flights change."""
-        return replace(self, rungs=tuple(Rung(rung.name, rung.model) for rung in self.rungs))
+        return replace(self, sequence=tuple(Step(step.name, step.model) for step in self.sequence))
 
     def with_logs(self, logs: Sequence[Path]) -> "Session":
         """Session with further logs, each once. Results stay valid if none of the new logs can be used."""
@@ -179,8 +179,8 @@ class Session:
         return replace(self, unseen=frozenset(chosen)).unjudged()
 
 
-class RungEntry(Settings):
-    """One step of the ladder in a session file."""
+class StepEntry(Settings):
+    """One step of the model sequence in a session file."""
 
     name: str
     error_m_s2: float | None = None
@@ -202,19 +202,20 @@ class SessionFile(Settings):
     hold_out: HoldOut = "blocks"
     current: int = Field(default=0, ge=0)
     switched_off: list[str] = Field(default_factory=list)
-    rungs: list[RungEntry] = Field(default_factory=list)
+    rungs: list[StepEntry] = Field(default_factory=list)
+    """The model sequence."""
 
 
 def session_to_yaml(session: Session) -> str:
     """The session as the text of a file; logs by their full path, vehicles written out.
 
-    Of a very long ladder only the current step keeps its findings: the size of a settings file is limited.
+    Of a very long sequence only the current step keeps its findings: the size of a settings file is limited.
     """
     text = _to_yaml(session)
     if len(text.encode()) < MAX_YAML_BYTES:
         return text
-    kept = (replace(rung, found=rung.found if rung is session.rung else None) for rung in session.rungs)
-    return _to_yaml(replace(session, rungs=tuple(kept)))
+    kept = (replace(step, found=step.found if step is session.step else None) for step in session.sequence)
+    return _to_yaml(replace(session, sequence=tuple(kept)))
 
 
 def _to_yaml(session: Session) -> str:
@@ -229,13 +230,13 @@ def _to_yaml(session: Session) -> str:
         "switched_off": sorted(session.off),
         "rungs": [
             {
-                "name": rung.name,
-                "error_m_s2": rung.error_m_s2,
-                "floor_m_s2": rung.floor_m_s2,
-                "model": model_to_dict(rung.model, None),
-                **({} if rung.found is None else {"found": rung.found.to_json()}),
+                "name": step.name,
+                "error_m_s2": step.error_m_s2,
+                "floor_m_s2": step.floor_m_s2,
+                "model": model_to_dict(step.model, None),
+                **({} if step.found is None else {"found": step.found.to_json()}),
             }
-            for rung in session.rungs
+            for step in session.sequence
         ],
     }
     return yaml.safe_dump(content, sort_keys=False, allow_unicode=True)
@@ -256,23 +257,23 @@ def load_session(path: Path) -> Session:
         raise SettingsError(f"{path}: unseen holds {', '.join(entry.unseen)}, expected some of the logs")
     if entry.rungs and entry.current >= len(entry.rungs):
         raise SettingsError(f"{path}: current is {entry.current}, expected a step from 0 to {len(entry.rungs) - 1}")
-    rungs = tuple(_rung(rung, path) for rung in entry.rungs)
+    sequence = tuple(_step(step, path) for step in entry.rungs)
     hashes = {path.parent / log: text for log, text in entry.sha256.items()}
-    session = Session(logs, unseen, entry.hold_out, rungs, entry.current, hashes=hashes, view=entry.view)
-    held = {item.effect.name for item in session.rung.model.stack} if session.rung else set()
+    session = Session(logs, unseen, entry.hold_out, sequence, entry.current, hashes=hashes, view=entry.view)
+    held = {item.effect.name for item in session.step.model.stack} if session.step else set()
     if not set(entry.switched_off) <= held:
         off = ", ".join(entry.switched_off)
         raise SettingsError(f"{path}: switched_off holds {off}, expected effects of the step where one stands")
     return replace(session, off=frozenset(entry.switched_off), vehicle_assumed=entry.vehicle_assumed)
 
 
-def _rung(entry: RungEntry, path: Path) -> Rung:
+def _step(entry: StepEntry, path: Path) -> Step:
     model = _model(entry.model, path)
     try:
         found = None if entry.found is None else Findings.from_json(entry.found, model)
     except SettingsError as error:
         raise SettingsError(f"{path}: found: {error}") from None
-    return Rung(entry.name, model, entry.error_m_s2, entry.floor_m_s2, found)
+    return Step(entry.name, model, entry.error_m_s2, entry.floor_m_s2, found)
 
 
 def _model(entry: dict[str, Any], path: Path) -> Model:

@@ -80,16 +80,16 @@ def first_session(logs: Sequence[Path], model: Path | None, session: Path | None
 def kept_session(folder: Path, begun: Session, model_given: bool) -> Session | None:
     """Session that the page kept in `folder`, if it goes on with what was begun: the same logs and more, unchanged.
 
-    Where a model was given, its ladder must begin with that one. None where it is about something else, or cannot be
+    Where a model was given, its sequence must begin with that one. None where it is about something else, or cannot be
     read: then another begins.
     """
     try:
         kept = _loaded(folder / AUTOSAVED)
     except SettingsError:
         return None
-    if not kept.logs or not kept.rungs or not {log.resolve() for log in begun.logs} <= set(kept.logs):
+    if not kept.logs or not kept.sequence or not {log.resolve() for log in begun.logs} <= set(kept.logs):
         return None
-    if model_given and model_to_dict(kept.rungs[0].model, None) != model_to_dict(begun.rungs[0].model, None):
+    if model_given and model_to_dict(kept.sequence[0].model, None) != model_to_dict(begun.sequence[0].model, None):
         return None
     if changed_logs(kept.hashes):
         return None

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from quadctl.errors import QuadctlError
 from quadctl.lab.comparison.comparison import compare
-from quadctl.lab.comparison.wording import listed, where_in_words
+from quadctl.lab.comparison.wording import listed, where
 from quadctl.lab.evaluation import Evaluation, evaluate
 from quadctl.lab.fitting.fitted_model import is_fitted_to
 from quadctl.lab.flights.dataset import Dataset, HoldOut, joined
@@ -27,7 +27,7 @@ from quadctl.logs.record.copies import copies
 from quadctl.model import Model
 from quadctl.vehicle import Vehicle
 from quadctl.web.session.findings import Findings
-from quadctl.web.session.session import Rung
+from quadctl.web.session.session import Step
 from quadctl.web.work.doubts import cautions_of, doubt_beside, doubt_of, firmware, names_its_vehicle
 from quadctl.web.work.reading import OpenedLog
 from quadctl.web.work.worker import Progress
@@ -94,8 +94,8 @@ class Opened:
 
 
 @dataclass(frozen=True, eq=False)
-class Climbed:
-    """The model of a new step of the ladder, and its errors."""
+class NextStep:
+    """The model of a new step of the model sequence, and its errors."""
 
     model: Model
     evaluation: Evaluation
@@ -153,10 +153,10 @@ def _doubted(opened: Sequence[OpenedLog], vehicle: Vehicle, accepted: frozenset[
     first: OpenedLog | None = None
     asked = []
     for one in opened:
-        doubt = ""
+        doubt = None
         if one.log is not None and not one.problem and one.path not in accepted:
             doubt = doubt_of(one.log, vehicle)
-            if not doubt and first is not None and first.log is not None:
+            if doubt is None and first is not None and first.log is not None:
                 doubt = doubt_beside(one.log, _thrust_source(one), first.log, _thrust_source(first))
         if first is None and one.log is not None and not (one.problem or doubt):
             first = one
@@ -195,10 +195,10 @@ def look_for(study: Study, progress: Progress) -> Findings:
     return Findings.of(found, {name: drawing for name, drawing in drawn.items() if drawing is not None})
 
 
-def climb(change: Callable[..., Refit], study: Study, *effects: str, progress: Progress) -> Climbed:
+def next_step(change: Callable[..., Refit], study: Study, *effects: str, progress: Progress) -> NextStep:
     """The step after a change of a study's model: `change` is a verb of `Study` that refits."""
     refit = change(study, *effects, progress=progress)
-    return Climbed(refit.model, evaluate(refit.model, refit.fit_after, study.unseen), refit.is_repetition)
+    return NextStep(refit.model, evaluate(refit.model, refit.fit_after, study.unseen), refit.is_repetition)
 
 
 def next_flight(diagnosis: Diagnosis, missions: Path, progress: Progress) -> Suggestion:
@@ -207,13 +207,13 @@ def next_flight(diagnosis: Diagnosis, missions: Path, progress: Progress) -> Sug
 
 
 def report(
-    rungs: Sequence[Rung], opened: Opened, steps: StepResponses | None, shown: Shown, progress: Progress
+    sequence: Sequence[Step], opened: Opened, steps: StepResponses | None, shown: Shown, progress: Progress
 ) -> bytes:
-    """The report of the ladder `rungs`, from its first step to its last: one file of HTML, with the numbers and the
+    """The report of the `sequence`, from its first step to its last: one file of HTML, with the numbers and the
     words that the page has `shown`; its errors are those of the first and of the last step."""
     from quadctl.lab.report.page import render_report  # its figures need a library that nothing else here does
 
-    first, last = rungs[0], rungs[-1]
+    first, last = sequence[0], sequence[-1]
     seen, unseen = opened.seen, opened.unseen
     if seen is None:
         raise QuadctlError("there is no flight to report on, expected at least one log")
@@ -228,8 +228,8 @@ def report(
     progress("drawing")
     if first.error_m_s2 is not None and last.error_m_s2 is not None:
         stands = not is_fitted_to(last.model, seen.names)
-        where = where_in_words(seen, () if unseen is None else unseen.names, stands)
-        errors = first.error_m_s2, last.error_m_s2 if len(rungs) > 1 else None
-        shown = shown._replace(errors_m_s2=errors, where=where, on_unseen=unseen is not None)
+        shown_where = where(seen, () if unseen is None else unseen.names, stands)
+        errors = first.error_m_s2, last.error_m_s2 if len(sequence) > 1 else None
+        shown = shown._replace(errors_m_s2=errors, where=str(shown_where), on_unseen=unseen is not None)
     results = Results(comparison, diagnosis=diagnosis, addition=addition, after=after, steps=steps, shown=shown)
     return render_report(results).encode()

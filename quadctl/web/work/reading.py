@@ -14,6 +14,7 @@ from quadctl.logs.quality import QualityReport
 from quadctl.logs.read import read_log
 from quadctl.vehicle import Vehicle
 from quadctl.web.work.worker import Progress
+from quadctl.words import Fact
 
 if TYPE_CHECKING:
     from quadctl.lab.flights.flight import Flight
@@ -33,8 +34,8 @@ class OpenedLog:
     """Vehicle that it was prepared for."""
     stamp: tuple[int, int] | None = None
     """Time of its last change, ns, and size, bytes, as it was read."""
-    doubt: str = ""
-    """Reason to ask a person before it is used; empty where there is none, or it was answered."""
+    doubt: Fact | None = None
+    """Reason to ask a person before it is used; None where there is none, or it was answered."""
 
 
 def read_logs(paths: Sequence[Path], known: Sequence[OpenedLog], progress: Progress) -> list[OpenedLog]:

@@ -47,7 +47,7 @@ class Simulation:
         from quadctl.flight.preflight.plan import read_flight
 
         plan = read_flight(self._mission(MISSION), None, str(self._saved(model)), None)
-        return check_compensator(plan.compensator, *plan.rotor_heights_m, plan.compensator.name)
+        return [*map(str, check_compensator(plan.compensator, *plan.rotor_heights_m, plan.compensator.name))]
 
     def fly_steps(self, model: Model, progress: Progress) -> StepResponses:
         """Step responses into the ground effect, and one far from the ground that they are compared with.

@@ -51,7 +51,7 @@ class Results:
     evaluation: Evaluation | None = None
     found: Diagnosed | None = None
     before: Diagnosed | None = None
-    """Findings for an earlier model of this ladder, shown until there are some for this one."""
+    """Findings for an earlier model of this sequence, shown until there are some for this one."""
     evidence: Mapping[str, Gathered | None] = field(default_factory=dict)
     """Evidence for the effects that it was asked for, by their names; None where it is not there yet."""
     suggestion: Suggestion | None = None

@@ -14,7 +14,7 @@ from quadctl.model import Model
 from quadctl.web.session.files import keep_expression
 from quadctl.web.session.findings import Diagnosed, Findings
 from quadctl.web.session.history import History
-from quadctl.web.session.session import AUTOSAVED, Rung, Session, session_to_yaml
+from quadctl.web.session.session import AUTOSAVED, Session, Step, session_to_yaml
 from quadctl.web.work import jobs, reading
 from quadctl.web.work.jobs import Opened
 from quadctl.web.work.simulated import Simulation
@@ -83,7 +83,7 @@ class Analysis(Desk):
         """
         async with self._working("Reading flights") as progress:
             opened = Opened()
-            if session.rung is not None and session.logs:
+            if session.step is not None and session.logs:
                 read = await self._quick.run(reading.read_logs, session.logs, self.opened.logs, progress=progress)
                 self.as_read = tuple(log.log for log in read if log.log is not None)
                 self._changed()
@@ -91,7 +91,7 @@ class Analysis(Desk):
                     jobs.open_logs,
                     read,
                     session.unseen,
-                    session.rung.model.vehicle,
+                    session.step.model.vehicle,
                     session.hold_out,
                     self.accepted,
                     progress=progress,
@@ -108,19 +108,19 @@ class Analysis(Desk):
                 self.message = Message("error", " ".join(ended(problem) for problem in problems))
             await self._judge(progress)
 
-    # --- the ladder ---------------------------------------------------------------------------------------------------
+    # --- the model sequence -------------------------------------------------------------------------------------------
 
     async def go(self, step: int) -> None:
-        """Stand on another step of the ladder."""
+        """Stand on another step of the model sequence."""
         if step == self.session.current and not self.session.off:
             return
         async with self._changing_model("Comparing") as progress:
             self.session = self.session.at(step)
             await self._judge(progress)
-        if self.message is None and self.session.rung is not None:
-            later = len(self.session.rungs) - 1 - step
+        if self.message is None and self.session.step is not None:
+            later = len(self.session.sequence) - 1 - step
             kept = "" if not later else " Later steps stay until something else is added."
-            self.say("done", f"The model is now that of step {step + 1}, {self.session.rung.name}.{kept}", undo=True)
+            self.say("done", f"The model is now that of step {step + 1}, {self.session.step.name}.{kept}", undo=True)
 
     async def switch(self, effect: str) -> None:
         """Switch an effect of the current model off, or on again."""
@@ -132,7 +132,7 @@ class Analysis(Desk):
         """Add effects to the current model, one after the other."""
         async with self._changing_model(f"Adding {effects[0] if len(effects) == 1 else 'what is missing'}") as progress:
             for effect in effects:
-                await self._climb(f"+ {effect}", progress, Study.add, effect)
+                await self._extend(f"+ {effect}", progress, Study.add, effect)
 
     async def add_expression(self) -> None:
         """Add the expression for the unexplained residual as an effect of one's own, whose file is kept."""
@@ -141,11 +141,11 @@ class Analysis(Desk):
             return
         async with self._changing_model("Adding the expression") as progress:
             path = keep_expression(found.diagnosis.symbolic, found.diagnosis.model, self.folder)
-            await self._climb("+ expression", progress, Study.add, str(path))
+            await self._extend("+ expression", progress, Study.add, str(path))
 
     async def refit(self) -> None:
         async with self._changing_model("Refitting") as progress:
-            await self._climb("refitted", progress, Study.refit)
+            await self._extend("refitted", progress, Study.refit)
 
     async def remove(self, effect: str) -> None:
         async with self._changing_model(f"Removing {effect}") as progress:
@@ -153,9 +153,9 @@ class Analysis(Desk):
                 self.session = self.session.switched(effect)
             model = self.session.model
             if self.study is None and model is not None and _names(model) == [effect]:  # nothing is left to be refitted
-                self.session = self.session.climbed(Rung(f"\N{MINUS SIGN} {effect}", replace(model, stack=())))
+                self.session = self.session.extended(Step(f"\N{MINUS SIGN} {effect}", replace(model, stack=())))
                 return
-            await self._climb(f"\N{MINUS SIGN} {effect}", progress, Study.remove, effect)
+            await self._extend(f"\N{MINUS SIGN} {effect}", progress, Study.remove, effect)
 
     async def undo(self) -> None:
         """Take the last change of the model back; the flights stay."""
@@ -178,10 +178,10 @@ class Analysis(Desk):
             await self._with_flights(session)
         self.history = history
         self._changed()
-        rung = self.session.rung
-        if self.message is None and rung is not None:
+        step = self.session.step
+        if self.message is None and step is not None:
             off = f" without {listed(sorted(self.session.off))}" if self.session.off else ""
-            self.say("done", f"The model is now that of step {self.session.current + 1}, {rung.name}{off}.")
+            self.say("done", f"The model is now that of step {self.session.current + 1}, {step.name}{off}.")
 
     @asynccontextmanager
     async def _changing_model(self, title: str) -> AsyncIterator[Callable[[str], None]]:
@@ -189,26 +189,26 @@ class Analysis(Desk):
         before = self.session
         async with self._working(title) as progress:
             yield progress
-        if (self.session.rungs, self.session.model) != (before.rungs, before.model):
+        if (self.session.sequence, self.session.model) != (before.sequence, before.model):
             self.history = self.history.after(before)
             self._changed()
 
-    async def _climb(
+    async def _extend(
         self, name: str, progress: Callable[[str], None], change: Callable[..., Refit], *effects: str
     ) -> None:
         """Make the step that a verb of `Study` gives."""
         study = self.study
         if study is None:
             raise QuadctlError("there is no flight to fit the model to: open one, or go back to a step before")
-        climbed: jobs.Climbed = await self._quick.run(jobs.climb, change, study, *effects, progress=progress)
-        if climbed.is_repetition:
+        changed: jobs.NextStep = await self._quick.run(jobs.next_step, change, study, *effects, progress=progress)
+        if changed.is_repetition:
             same = "The refit gives the parameters that the model has already: they are those of the best fit to "
             self.message = Message(
                 "done", f"{same}{'this flight' if len(study.seen.flights) == 1 else 'these flights'}."
             )
             return
-        self.session = self.session.climbed(Rung(name, climbed.model))
-        await self._judge(progress, climbed.evaluation)
+        self.session = self.session.extended(Step(name, changed.model))
+        await self._judge(progress, changed.evaluation)
 
     async def _judge(self, progress: Callable[[str], None], evaluation: Evaluation | None = None) -> None:
         """Evaluate the current model where that is not done yet, and begin to look for what it lacks."""
@@ -235,19 +235,19 @@ class Analysis(Desk):
     async def _judge_others(self, study: Study, progress: Callable[[str], None]) -> None:
         """Compute the errors of the other steps on these flights, where they are not known."""
         steps = [
-            i for i, rung in enumerate(self.session.rungs) if rung.error_m_s2 is None and i != self.session.current
+            i for i, step in enumerate(self.session.sequence) if step.error_m_s2 is None and i != self.session.current
         ]
         if steps:
             self._changed()
-            models = [self.session.rungs[i].model for i in steps]
+            models = [self.session.sequence[i].model for i in steps]
             errors = await self._quick.run(errors_of, models, study.seen, study.unseen, progress=progress)
             self.session = self.session.with_errors(dict(zip(steps, errors, strict=True)))
             self._autosave()
 
     def _judged(self, evaluation: Evaluation) -> None:
         """Keep the error of the current step; where a saved one differs from it, drop all saved results."""
-        rung = self.session.rung
-        known = None if rung is None else rung.error_m_s2
+        step = self.session.step
+        known = None if step is None else step.error_m_s2
         if known is not None and abs(evaluation.error_m_s2 - known) > SAME_ERROR * known:
             self.session = self.session.unjudged()
             self.results = replace(self.results, found=None)
@@ -260,11 +260,11 @@ class Analysis(Desk):
 
     def _show_found(self) -> None:
         """Restore the findings of an earlier search for the current step."""
-        rung, seen = self.session.rung, self.opened.seen
-        if rung is None or rung.found is None or seen is None or self.session.off:
+        step, seen = self.session.step, self.opened.seen
+        if step is None or step.found is None or seen is None or self.session.off:
             return
         with suppress(SettingsError):  # found with another catalogue: then it is looked for again
-            self.results = replace(self.results, found=rung.found.diagnosed(rung.model, seen))
+            self.results = replace(self.results, found=step.found.diagnosed(step.model, seen))
 
     # --- the search ---------------------------------------------------------------------------------------------------
 
@@ -322,7 +322,7 @@ class Analysis(Desk):
             missions = self.simulation.missions
             # The searches of earlier steps, too, may have left open which of two effects one of the model is.
             pairs = [list(pair) for pair in found.diagnosis.confounded]
-            alike = [[held, other] for held, others in self.session.look_alikes.items() for other in others]
+            alike = [[held, other] for held, others in self.session.confounded.items() for other in others]
             asked = replace(found.diagnosis, confounded=[*pairs, *(pair for pair in alike if pair not in pairs)])
             suggestion = await self._quick.run(jobs.next_flight, asked, missions, progress=progress)
             self.results = replace(self.results, suggestion=suggestion)
@@ -361,11 +361,11 @@ class Analysis(Desk):
         for found in (self.results.found, self.results.before):
             if found is not None and _has_tried(found, effect):
                 return found
-        for rung in reversed(self.session.rungs[: self.session.current + 1]):
-            if rung.found is None or self.opened.seen is None:
+        for step in reversed(self.session.sequence[: self.session.current + 1]):
+            if step.found is None or self.opened.seen is None:
                 continue
             with suppress(SettingsError):  # found with another catalogue
-                found = rung.found.diagnosed(rung.model, self.opened.seen)
+                found = step.found.diagnosed(step.model, self.opened.seen)
                 if _has_tried(found, effect):
                     return found
         return None

@@ -16,13 +16,13 @@ from quadctl.vehicle_draft.draft import Answers, draft, told
 from quadctl.vehicle_draft.questions import in_words_of_the_form
 from quadctl.web.elements.upload import SentFile, StreamedUpload
 from quadctl.web.session.files import (
+    MAX_UPLOAD_BYTES,
     OWN_VEHICLES,
     SETTINGS_SUFFIXES,
     UPLOADS,
     is_inside,
     own_effects,
     require_inside,
-    too_large,
     upload_path,
     vehicle_in,
     vehicle_path,
@@ -130,7 +130,9 @@ class Intake:
         except QuadctlError as error:
             self.bench.say("error", f"{error}.")
             return
-        self.bench.say("error", f"{too_large(name, size)}." if large else f"{name}: was refused by the browser.")
+        why = f"has {size / 2**20:,.0f} MB, expected at most {MAX_UPLOAD_BYTES / 2**20:.0f} MB"
+        instead = f"{why}: name it on the command line instead, quadctl lab {name}."
+        self.bench.say("error", f"{name}: {instead if large else 'was refused by the browser.'}")
 
     @property
     def own_vehicles(self) -> list[Path]:

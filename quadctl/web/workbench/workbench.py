@@ -63,7 +63,7 @@ class Workbench(Analysis):
         await self._with_flights(replace(self.session, hold_out=hold_out).unjudged())
 
     async def begin_with(self, path: Path) -> None:
-        """Begin a new ladder with the model or vehicle in a file."""
+        """Begin a new model sequence with the model or vehicle in a file."""
         try:
             model = load_model(path)
         except QuadctlError as error:
@@ -138,7 +138,7 @@ class Workbench(Analysis):
         await self.resume(session)
 
     async def resume(self, session: Session) -> None:
-        if any(rung.error_m_s2 is not None for rung in session.rungs):  # its logs were in use when it was saved
+        if any(step.error_m_s2 is not None for step in session.sequence):  # its logs were in use when it was saved
             self.accepted |= set(session.logs)
         changed = await asyncio.to_thread(changed_logs, session.hashes)
         for log in changed:
@@ -211,9 +211,8 @@ class Workbench(Analysis):
         html: bytes | None = None
         if not self.opened.logs:
             return None
-        ladder = self.session.rungs[: self.session.current + 1]
+        sequence = self.session.sequence[: self.session.current + 1]
         async with self._working("Writing the report") as progress:
-            floor = self.session.floor_m_s2
-            shown = Shown(tuple(said), condition, floor)
-            html = await self._quick.run(jobs.report, ladder, self.opened, self.results.steps, shown, progress=progress)
+            shown, steps = Shown(tuple(said), condition, self.session.floor_m_s2), self.results.steps
+            html = await self._quick.run(jobs.report, sequence, self.opened, steps, shown, progress=progress)
         return html

@@ -6,7 +6,7 @@ import pytest
 from quadctl.effects.ground_effect import Exponential
 from quadctl.lab.comparison.agreement import Agreement, Errors, Fitted, agreement, least_alike, of_one_model
 from quadctl.lab.comparison.comparison import compare
-from quadctl.lab.comparison.wording import agreement_in_short, agreement_in_words
+from quadctl.lab.comparison.wording import Said
 from quadctl.lab.flights.dataset import load_dataset
 from quadctl.model import Model, Provenance
 from quadctl.vehicle import Vehicle
@@ -31,56 +31,37 @@ def together(*parts: Errors) -> Errors:
     return Errors(tuple(part.flights[0] for part in parts), squares, block, flight)
 
 
-def said(judged_m_s2: float, ci95: tuple[float, float] | None, fitted: Fitted = "these") -> str:
-    return agreement_in_words(Agreement(("a.csv",), ("b.csv",), 0.4, judged_m_s2, ci95, fitted))
+def found(judged_m_s2: float, ci95: tuple[float, float] | None, fitted: Fitted = "these") -> Agreement:
+    return Agreement(("a.csv",), ("b.csv",), 0.4, judged_m_s2, ci95, fitted)
 
 
-class TestSentence:
-    def test_as_well(self) -> None:
-        assert said(0.41, (-0.03, 0.05)) == (
+class TestFacts:
+    @pytest.mark.parametrize(
+        ("judged_m_s2", "ci95", "answer", "verdict", "reason"),
+        [
+            (0.41, (-0.03, 0.05), Said.AGREE, "as well", Said.IS_LESS),
+            (0.52, (0.05, 0.19), Said.DIFFER, "worse", Said.ERRORS),
+            (0.30, (-0.15, -0.05), Said.DIFFER, "better", Said.ERRORS),
+            (0.41, (-0.3, 0.32), Said.MAY_AGREE, "not known", Said.MAY_BE_MORE),
+            (0.41, None, Said.MAY_AGREE, "not known", Said.TOO_SHORT),
+        ],
+    )
+    def test_a_wide_interval_or_none_is_no_agreement(
+        self, judged_m_s2: float, ci95: tuple[float, float] | None, answer: Said, verdict: str, reason: Said
+    ) -> None:
+        agreement = found(judged_m_s2, ci95)
+        assert (agreement.answer.kind, agreement.verdict, agreement.parts[-1].kind) == (answer, verdict, reason)
+
+    def test_are_said_with_their_numbers(self) -> None:
+        assert str(found(0.41, (-0.03, 0.05)).said) == (
             "The model fitted to a.csv predicts b.csv as well as a.csv: its error is 0.410 m/s² on b.csv and "
             "0.400 m/s² on a.csv; the difference is from \u22120.03 to +0.05 m/s² (95%), less than the 0.100, 25% "
             "of the error on a.csv, that count as none."
         )
-
-    def test_worse_by_so_much(self) -> None:
-        assert said(0.52, (0.05, 0.19)) == (
-            "The model fitted to a.csv predicts b.csv worse than a.csv, by 0.120 m/s² [0.0500, 0.190]: its error is "
-            "0.520 m/s² on b.csv and 0.400 m/s² on a.csv."
+        assert str(found(0.52, (0.05, 0.19), "others").parts[0]) == (
+            "The model fitted to the other flights each time predicts b.csv worse than a.csv, by 0.120 m/s² "
+            "[0.0500, 0.190]"
         )
-
-    def test_better(self) -> None:
-        assert "predicts b.csv better than a.csv, by 0.100 m/s² [0.0500, 0.150]" in said(0.3, (-0.15, -0.05))
-
-    def test_a_wide_interval_around_none_is_no_agreement(self) -> None:
-        assert said(0.41, (-0.3, 0.32)) == (
-            "Whether the model fitted to a.csv predicts b.csv as well as a.csv is not known from these flights: "
-            "its error is 0.410 m/s² on b.csv and 0.400 m/s² on a.csv; the difference is anything from \u22120.3 to "
-            "+0.32 m/s² (95%), which may be more than the 0.100, 25% of the error on a.csv, that count as none."
-        )
-
-    def test_nor_are_flights_too_short_for_an_interval(self) -> None:
-        assert "is not known" in said(0.41, None)
-        assert "one of them is too short for an interval." in said(0.41, None)
-
-    def test_the_model_is_called_what_it_is(self) -> None:
-        assert said(0.41, (-0.03, 0.05), "").startswith("The model predicts b.csv")
-        assert said(0.41, (-0.03, 0.05), "others").startswith("The model fitted to the other flights each time")
-
-
-class TestAnswer:
-    @pytest.mark.parametrize(
-        ("judged_m_s2", "ci95", "answer"),
-        [
-            (0.41, (-0.03, 0.05), "Under this model the flights agree."),
-            (0.52, (0.05, 0.19), "Under this model the flights differ."),
-            (0.30, (-0.15, -0.05), "Under this model the flights differ."),
-            (0.41, (-0.3, 0.32), "Whether the flights agree under this model cannot be told."),
-            (0.41, None, "Whether the flights agree under this model cannot be told."),
-        ],
-    )
-    def test_is_a_few_words(self, judged_m_s2: float, ci95: tuple[float, float] | None, answer: str) -> None:
-        assert agreement_in_short(Agreement(("a.csv",), ("b.csv",), 0.4, judged_m_s2, ci95, "these")) == answer
 
 
 class TestAgreement:

@@ -5,7 +5,6 @@ from dataclasses import replace
 import pytest
 
 from quadctl.lab.comparison.failures import Failure, Stretch
-from quadctl.lab.comparison.wording import failure_in_words
 
 LOW = Failure("up", "height_over_radius", 0.8, 2.0, 1.1767, 14.0, 100, "range", 138.0, at_edge=(True, False))
 IN_LOW = Stretch("low-1.csv", 4.2, 21.0, 0.9, whole=False)
@@ -16,9 +15,9 @@ def test_a_range_tells_where_and_by_how_much_of_the_weight() -> None:
     said = (
         "At a rotor height below 2 rotor radii the vehicle gets more thrust than the model says, by 12.0% of its weight"
     )
-    assert failure_in_words(LOW) == said
+    assert str(LOW.said) == said
     beside = replace(LOW, average=0.49, stretches=(IN_LOW,))
-    assert failure_in_words(beside) == f"{said} (over all ranges by 5.0%), mostly in low-1.csv between 4 and 21 s"
+    assert str(beside.said) == f"{said} (over all ranges by 5.0%), mostly in low-1.csv (4 to 21 s)"
 
 
 @pytest.mark.parametrize(
@@ -28,17 +27,17 @@ def test_a_range_tells_where_and_by_how_much_of_the_weight() -> None:
 def test_limits_are_named_where_they_are_none_of_the_data(at_edge: tuple[bool, bool], where: str) -> None:
     pushed = replace(LOW, axis="east", low=-8.0, high=-2.0, mean_residual=-0.3, at_edge=at_edge)
     said = f"At a rotor height {where} rotor radii the vehicle is pushed west by 0.30 m/s² more than the model says"
-    assert failure_in_words(pushed) == said
+    assert str(pushed.said) == said
 
 
 def test_of_several_flights_those_with_most_of_it_are_named() -> None:
-    said = failure_in_words(replace(LOW, stretches=(IN_HIGH, IN_LOW)))
-    assert said.endswith(", throughout high.csv and mostly in low-1.csv between 4 and 21 s")
-    said = failure_in_words(replace(LOW, stretches=(IN_LOW, IN_HIGH, IN_HIGH)))
-    assert said.endswith(", in 3 flights, of which the most mostly in low-1.csv between 4 and 21 s")
+    said = str(replace(LOW, stretches=(IN_HIGH, IN_LOW)).said)
+    assert said.endswith(", throughout high.csv and mostly in low-1.csv (4 to 21 s)")
+    said = str(replace(LOW, stretches=(IN_LOW, IN_HIGH, IN_HIGH)).said)
+    assert said.endswith(", in 3 flights, mostly in low-1.csv (4 to 21 s)")
     offset = replace(LOW, kind="offset", flights=2, mean_residual=-0.196, stretches=(IN_HIGH,))
     said = "On average over all flights the vehicle gets less thrust than the model says, by 2.0% of its weight"
-    assert failure_in_words(offset) == f"{said}, most of it in high.csv"
+    assert str(offset.said) == f"{said}, most of it in high.csv"
 
 
 def test_a_dependence_tells_both_ends_and_its_share() -> None:
@@ -46,4 +45,4 @@ def test_a_dependence_tells_both_ends_and_its_share() -> None:
     said = (
         "The up residual depends on the climb rate: \u22120.40 m/s² at \u22121.5 m/s and +0.60 m/s² at 1 m/s on average"
     )
-    assert failure_in_words(depends) == f"{said}, 75% of the squared error on this axis"
+    assert str(depends.said) == f"{said}, 75% of the squared error on this axis"

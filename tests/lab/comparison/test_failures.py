@@ -11,8 +11,16 @@ from scipy.signal import lfilter
 
 from quadctl.effects.ground_effect import Exponential
 from quadctl.lab.comparison.comparison import compare
-from quadctl.lab.comparison.failures import Failure, _adjusted, failures, profiles, stretches, told
-from quadctl.lab.comparison.wording import followed_in_words, untold_in_words
+from quadctl.lab.comparison.failures import (
+    Failure,
+    _adjusted,
+    failures,
+    followed,
+    profiles,
+    stretches,
+    told,
+    unexplained,
+)
 from quadctl.lab.fitting.flexible_regression import flexible_residual
 from quadctl.lab.fitting.noise import Noise
 from quadctl.lab.flights.dataset import Dataset, load_dataset
@@ -56,30 +64,32 @@ def test_what_follows_disturbances_is_said_to_be_no_sure_cause(raptor: Vehicle, 
     """In waves the thrust makes the motion; in a hover it answers whatever disturbs."""
     up = Failure("up", "thrust", 10.0, 12.0, 0.3, 9.0, 100, "range", 9.0)
     height = replace(up, variable="height_over_radius")
-    assert followed_in_words([up, height], two) == ""
+    assert followed([up, height], two) is None
     t = np.arange(0.0, 60.0, 0.02)
     hover = obedient(Model(raptor), 60.0, noise_m_s=0.01)
     still = {"z_m": 1.0 + 0.01 * np.sin(0.3 * t), "vz_m_s": 0.003 * np.cos(0.3 * t)}
     answer = 1.0 + 0.02 * np.sin(2.0 * t) * np.sin(0.3 * t)
     still |= {name: np.mean(hover[name]) * answer for name in hover.columns if name.endswith("_rpm")}
     data = load_dataset([replace(hover, columns={**hover.columns, **still})], raptor)
-    said = followed_in_words([up, height], data)
-    assert said.startswith("In this flight the thrust follows disturbances")
-    assert "rotor height" not in said
-    assert said in " ".join(str(compare(Model(raptor), data)).split())
+    said = followed([up, height], data)
+    assert said is not None and said.facts["variables"] == ["thrust"]
+    assert "In this flight the thrust follows disturbances" in str(said)
+    assert str(said) in " ".join(str(compare(Model(raptor), data)).split())
 
 
 def test_an_axis_with_much_of_the_error_is_told_of_even_where_nothing_goes_with_it() -> None:
     up = Failure("up", "thrust", 10.0, 12.0, 0.3, 9.0, 100, "range", 9.0)
     errors = {"north": 0.03, "east": 0.3, "up": 0.4, "total": 0.5}
-    said = "Along east (0.300 m/s², 36% of the squared error) no logged variable explains much of the error."
-    assert untold_in_words([up], errors) == said
-    assert untold_in_words([up, replace(up, axis="east")], errors) == ""
+    east = unexplained([up], errors)
+    assert (
+        str(east) == "Along east (0.300 m/s², 36% of the squared error) no logged variable explains much of the error."
+    )
+    assert unexplained([up, replace(up, axis="east")], errors) is None
     many = [replace(up, axis="up", n=100 + i) for i in range(6)]  # more than are shown come before it
-    assert untold_in_words([*many, replace(up, axis="east", n=50)], errors) == ""
-    assert untold_in_words([up, replace(up, axis="east", square_m2_s4=1e-4)], errors) == said  # next to nothing
-    assert "north" not in untold_in_words([], errors)
-    assert untold_in_words([], dict.fromkeys(errors, 0.0)) == ""
+    assert unexplained([*many, replace(up, axis="east", n=50)], errors) is None
+    assert unexplained([up, replace(up, axis="east", square_m2_s4=1e-4)], errors) == east  # next to nothing
+    assert "north" not in str(unexplained([], errors))
+    assert unexplained([], dict.fromkeys(errors, 0.0)) is None
 
 
 class TestStretches:

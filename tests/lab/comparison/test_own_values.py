@@ -21,7 +21,7 @@ def test_their_values_are_told_to_be_of_others(raptor: Vehicle, flights: list[st
     item = StackedEffect(WindOfEachFlight.from_values(DAYS, "model.yaml"), fitted)
     said = values_of_other_flights(replace(Model(raptor), stack=(item,)), flights)
     assert len(said) == told
-    assert all("wind.each_flight holds values of a.csv, b.csv" in note for note in said)
+    assert all(note.facts["effect"] == "wind.each_flight" and note.facts["flights"] == flights for note in said)
     drop = StackedEffect(MassStep(0.2, 9.0, flight=2.0), fitted)
     assert len(values_of_other_flights(replace(Model(raptor), stack=(drop,)), flights)) == told
     every = StackedEffect(MassStep(0.2, 9.0), fitted)

@@ -12,7 +12,7 @@ from quadctl.lab.arrays import Floats
 from quadctl.lab.comparison.agreement import Agreement, Errors, agreement, least_alike
 from quadctl.lab.comparison.comparison import compare
 from quadctl.lab.comparison.shifts import LEVEL, Shift, Signed, shifts
-from quadctl.lab.comparison.wording import agreement_in_short, agreement_in_words
+from quadctl.lab.comparison.wording import Said
 from quadctl.lab.flights.dataset import load_dataset
 from quadctl.model import Model
 from quadctl.vehicle import Vehicle
@@ -51,8 +51,8 @@ class TestShifts:
     def test_opposite_signs_of_one_size_do_not_agree(self) -> None:
         found = agreement(errors("a.csv", signed(0.3, 0)), errors("b.csv", signed(-0.3, 1)))
         assert found.verdict == "otherwise"
-        assert agreement_in_short(found) == "Under this model the flights differ."
-        said = agreement_in_words(found)
+        assert found.answer.kind is Said.DIFFER
+        said = str(found.said)
         assert "The model predicts b.csv otherwise than a.csv: the mean residual up is \u22120." in said
         assert "m/s² on b.csv and +0." in said and "a difference of \u22120." in said
         assert found.shift is not None and found.shift.axis == "up" and not found.shift.variable
@@ -61,7 +61,7 @@ class TestShifts:
         found = agreement(errors("a.csv", signed(0.0, 0, 0.15)), errors("b.csv", signed(0.0, 1, -0.15)))
         assert found.verdict == "otherwise"
         assert found.shift is not None and found.shift.variable == "height_over_radius"
-        assert "the mean residual up at a rotor height from" in agreement_in_words(found)
+        assert "the mean residual up at a rotor height from" in str(found.said)
 
     def test_the_variable_that_explains_the_most_is_named_not_that_with_the_highest_peak(self) -> None:
         differences = {"height_over_radius": (0.0, 0.0, 0.0, 0.0, 0.6), "speed_forward": (-0.5, -0.3, 0.0, 0.3, 0.5)}
@@ -77,18 +77,15 @@ class TestShifts:
     def test_the_same_residual_agrees_within_a_bound_that_is_said(self) -> None:
         found = agreement(errors("a.csv", signed(0.3, 0)), errors("b.csv", signed(0.3, 1)))
         assert found.verdict == "as well"
-        assert agreement_in_short(found) == "Under this model the flights agree."
-        assert "; nor do the mean residuals differ by more than 0.0" in agreement_in_words(found)
+        assert found.answer.kind is Said.AGREE
+        assert found.parts[-1].kind is Said.NO_SHIFT
 
     def test_where_the_means_are_uncertain_agreement_is_not_said_of_them(self) -> None:
         found = agreement(errors("a.csv", signed(0.0, 0, memory=0.98)), errors("b.csv", signed(0.0, 1, memory=0.98)))
         assert found.widest is not None and found.widest.reach_m_s2 > found.limit_m_s2
         assert "otherwise" not in found.verdict
         as_well = replace(found, ci95=(-0.001, 0.001))
-        assert agreement_in_short(as_well) == (
-            "Under this model the error is as large in each flight; whether it is the same cannot be told."
-        )
-        assert "whether the mean residuals agree is not known: they may differ by up to" in agreement_in_words(as_well)
+        assert as_well.answer.kind is Said.AS_LARGE and as_well.parts[-1].kind is Said.MAY_SHIFT
 
     def test_the_spread_of_several_flights_counts_for_the_next_one(self) -> None:
         means = (-0.3, -0.1, 0.1, 0.3)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from quadctl.lab.flights.vehicle_match import motion_problem, weight_doubt
+from quadctl.lab.flights.vehicle_match import Mismatch, motion_problem, weight_doubt
 from quadctl.logs.words import worded
 from quadctl.vehicle import Vehicle
 
@@ -26,7 +26,7 @@ def test_the_order_of_the_motors_is_judged_where_their_moments_turn_the_vehicle(
     problem = motion_problem(np.zeros((500, 3)), thrust_n, torque, 0.1 * rng.standard_normal((500, 2)), raptor)
     assert (problem is not None) is refused
     if problem:
-        assert "do not turn the vehicle as it turns" in problem
+        assert problem.kind is Mismatch.MOTOR_ORDER and problem.facts["order"] == [2, 1, 4, 3]
 
 
 def test_rotors_that_hold_against_a_levelling_ground_are_in_order(raptor: Vehicle) -> None:

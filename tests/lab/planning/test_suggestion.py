@@ -23,7 +23,7 @@ from quadctl.lab.flights.dataset import Dataset, load_dataset
 from quadctl.lab.flights.prediction import predict
 from quadctl.lab.planning.information import Information, information, prior
 from quadctl.lab.planning.planned_flight import planned_flight
-from quadctl.lab.planning.suggestion import Option, Suggestion, suggest
+from quadctl.lab.planning.suggestion import Option, Said, Suggestion, suggest
 from quadctl.lab.selection.diagnosis import Diagnosis
 from quadctl.missions import load_mission
 from quadctl.model import Model
@@ -217,8 +217,8 @@ def test_no_flight_is_suggested_when_none_tells_more(world: World, tmp_path: Pat
 
 def test_why_no_flight_is_suggested_is_said() -> None:
     nothing, unexplained = (Suggestion([], [], None, None, [], [], unexplained=flag) for flag in (False, True))
-    assert nothing.lines() == ["No flight is suggested: no question is open."]
-    assert "no candidate explains the unexplained part" in unexplained.lines()[0]
+    assert [found.kind for found in nothing.answer] == [Said.NO_QUESTION]
+    assert [found.kind for found in unexplained.answer] == [Said.NO_CANDIDATE]
 
 
 def test_a_folder_without_missions_is_one_sentence(world: World, tmp_path: Path) -> None:
@@ -321,16 +321,15 @@ def test_a_result_needs_no_more_than_a_diagnosis(world: World, tmp_path: Path) -
 
 
 @pytest.mark.parametrize(
-    ("now", "then", "said"),
-    [
-        (1.0, 0.48, ["It narrows the interval of b to 48% of its width."]),
-        (50.0, 0.5, ["It tells b, which these flights do not, to ±25%."]),
-        (1.0, 1.0, []),
-    ],
+    ("now", "then", "found"),
+    [(1.0, 0.48, [(Said.NARROWS, 0.48)]), (50.0, 0.5, [(Said.IDENTIFIES, 0.01)]), (1.0, 1.0, [])],
 )
-def test_what_it_tells_of_a_parameter_is_a_share_of_its_interval(now: float, then: float, said: list[str]) -> None:
+def test_what_it_tells_of_a_parameter_is_a_share_of_its_interval(
+    now: float, then: float, found: list[tuple[Said, float]]
+) -> None:
     option = Option(load_mission(MISSIONS / "short_hop.yaml"), "quadctl fly", [], then, [], (0.0, 1.0, 0.0))
-    assert Suggestion([option], [], "b", now, [], [], unexplained=False).reasons() == said
+    reasons = Suggestion([option], [], "b", now, [], [], unexplained=False).reasons
+    assert [(reason.kind, reason.facts["share"]) for reason in reasons] == found
 
 
 def test_a_look_alike_that_is_not_known_here_is_no_question(world: World, tmp_path: Path) -> None:

@@ -396,7 +396,7 @@ class TestFigures:
                 assert UNIT.search(ax.get_ylabel()), (name, ax.get_ylabel())
             named = [tick.get_text() for tick in figure.axes[-1].get_xticklabels()] == ["north", "east", "up", "total"]
             assert named or UNIT.search(figure.axes[-1].get_xlabel()), (name, figure.axes[-1].get_xlabel())
-        for figure in (plots.ranking(flown.diagnosis, floor), plots.ladder(flown.diagnosis, floor)):
+        for figure in (plots.ranking(flown.diagnosis, floor), plots.model_sequence(flown.diagnosis, floor)):
             assert UNIT.search(figure.axes[0].get_xlabel())
         ratio = plots.thrust_ratio(flown.addition, 0).axes[0]
         assert UNIT.search(ratio.get_xlabel())

@@ -18,8 +18,8 @@ from quadctl.model import Model
 from tests.support.flights import obedient, to_and_fro
 
 
-def test_a_trim_does_not_move_the_residual_off_the_curve(rigid: Model) -> None:
-    """1 % more thrust, as a trim of one flight explains it, is 0.1 m/s^2 at every height."""
+def test_a_per_flight_bias_does_not_move_the_residual_off_the_curve(rigid: Model) -> None:
+    """1 % more thrust, as a bias of one flight explains it, is 0.1 m/s^2 at every height."""
     ground = rigid.plus(Exponential(0.3, 6.0))
     drawn = sketch(ground, load_dataset([obedient(ground.plus(ConstantScale(1.01)))], rigid.vehicle))
     assert drawn is not None

@@ -37,7 +37,7 @@ class TestEvidence:
         low, high = found.drop_ci95
         assert low < 1.0 - found.after["total"] / found.before["total"] < high
 
-    def test_the_curve_is_apart_from_the_other_effects_and_from_the_trim(self, fit: FittedModel) -> None:
+    def test_the_curve_is_apart_from_the_other_effects_and_from_the_bias(self, fit: FittedModel) -> None:
         (curve,) = evidence_for("ground_effect.exponential", fit).curves
         assert np.abs(curve.after.mean()) < 0.02  # a thrust scale of 1.1 would be 1 m/s²
         assert np.corrcoef(curve.binned_before.mean, curve.fitted.mean)[0, 1] > 0.99

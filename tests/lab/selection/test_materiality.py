@@ -36,7 +36,7 @@ def test_the_explained_acceleration_is_that_of_the_axis_on_which_it_is_largest()
 
 
 @pytest.mark.parametrize(("times", "unexplained"), [(0.7, False), (1.5, True)])
-def test_what_no_more_than_trims_can_be_is_not_called_unexplained(times: float, unexplained: bool) -> None:
+def test_what_no_more_than_biases_can_be_is_not_called_unexplained(times: float, unexplained: bool) -> None:
     wave = times * RULE.trim_m_s2 * np.sqrt(2.0) * np.sin(np.linspace(0.0, 60.0, 2000))
     flexible = np.column_stack([wave, 0.0 * wave, 0.0 * wave])
     residual = flexible + 0.05 * np.random.default_rng(0).standard_normal(flexible.shape)

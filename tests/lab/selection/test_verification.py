@@ -54,7 +54,7 @@ def test_a_changed_parameter_is_named_with_the_flight_since_which_it_is_another(
 
 
 @pytest.mark.parametrize(("factor", "holds"), [(0.955, True), (0.91, False)])
-def test_flights_differ_by_their_trim_and_no_change_is_called_by_it(rigid: Model, factor: float, holds: bool) -> None:
+def test_flights_differ_by_their_bias_and_no_change_is_called_by_it(rigid: Model, factor: float, holds: bool) -> None:
     def scaled(factor: float, seed: int) -> Dataset:
         log = obedient(rigid.plus(ConstantScale(factor)), 40.0, noise_m_s=NOISE_M_S, seed=seed, name=f"{seed}.csv")
         return load_dataset([log], rigid.vehicle)

@@ -38,7 +38,7 @@ def test_a_sentence_about_nothing_missing_names_no_effect(nothing: Diagnosis) ->
     assert not {Kind.SMALL, Kind.USUAL} & {note.kind for note in nothing.notes}
 
 
-def test_what_is_as_small_as_a_trim_is_said_to_be_there(nothing: Diagnosis) -> None:
+def test_what_is_as_small_as_a_bias_is_said_to_be_there(nothing: Diagnosis) -> None:
     weak = next(c for c in nothing.ranking if c.family == "rotor_fault")
     there = replace(weak, effect=WeakRotor(0.01, 2.0), p_value=1e-6, after={k: 0.9 * v for k, v in weak.before.items()})
     ranking = [there, *(c for c in nothing.ranking if c is not weak)]

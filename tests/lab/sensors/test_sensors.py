@@ -124,7 +124,7 @@ def test_an_error_with_the_air_speed_is_named_and_its_intervals_hold_the_truth(
     told = found.missing[0].parameters
     for name, true in SPEEDS.values().items():
         assert told[name].low - 0.02 <= true <= told[name].high + 0.02, name
-    assert told["forward"].is_told and told["backward"].is_told and not told["right"].is_told
+    assert told["forward"].is_identified and told["backward"].is_identified and not told["right"].is_identified
     assert found.after_m < found.before_m
 
 
@@ -163,7 +163,7 @@ def test_an_error_near_the_ground_is_named_with_its_sign(runs: FlightLog, at_gro
     assert [one.name for one in found.missing] == ["barometer.ground"]
     told = found.missing[0].parameters["at_ground_m"]
     where_it_rests = at_ground_m * np.exp(-REST_M / 0.45)
-    assert told.low - 0.02 <= where_it_rests <= told.high + 0.02 and told.is_told
+    assert told.low - 0.02 <= where_it_rests <= told.high + 0.02 and told.is_identified
     fade = found.missing[0].parameters["fade_m"]
     assert 0.8 * fade.low <= 0.45 <= 1.2 * fade.high
     rows = {row.name: row for row in sensor_rows(found.model(), PX4)}
@@ -234,7 +234,7 @@ def test_in_a_wind_the_air_speed_counts(windy_runs: FlightLog) -> None:
     assert wind == (pytest.approx(WIND_NE_M_S[0], abs=0.5), pytest.approx(WIND_NE_M_S[1], abs=0.5))
     every = {one.name: one for one in (*found.missing, *found.small, *found.absent)}
     told = every["barometer.airspeed"].parameters
-    assert told["backward"].is_told
+    assert told["backward"].is_identified
     for name in ("forward", "backward", "left"):
         assert told[name].low - 0.03 <= SPEEDS.values()[name] <= told[name].high + 0.03, name
 
@@ -248,7 +248,7 @@ def test_beside_gps_in_a_wind_of_4_m_s_with_a_payload_the_ground_alone_is_named(
     assert [one.name for one in found.missing] == (["barometer.ground"] if at_ground_m else [])
     if at_ground_m:
         told = found.missing[0].parameters["at_ground_m"]
-        assert told.is_told and told.low - 0.02 <= at_ground_m * np.exp(-REST_M / 0.45) <= told.high + 0.02
+        assert told.is_identified and told.low - 0.02 <= at_ground_m * np.exp(-REST_M / 0.45) <= told.high + 0.02
 
 
 def test_without_a_reference_it_is_said_why(runs: FlightLog) -> None:
@@ -384,7 +384,7 @@ def test_coefficients_of_a_real_copter_are_in_their_intervals(tmp_path: Path) ->
         truth = dict(zip(("forward", "backward"), hidden or (0.0, 0.0), strict=True))
         for name, each in told.items():
             assert each.low <= truth.get(name, 0.0) <= each.high, (log, name)
-            assert each.is_told == (truth.get(name, 0.0) != 0.0), (log, name)
+            assert each.is_identified == (truth.get(name, 0.0) != 0.0), (log, name)
 
 
 RECORDINGS = [*sorted((DATA / "real").glob("ardupilot*/*.bin")), *sorted((DATA / "ardupilot").glob("*.bin"))]
@@ -429,7 +429,7 @@ def test_a_range_finder_that_is_turned_on_the_body_is_named_beside_motion_captur
     named = diagnose_sensor([found])
     told = {one.name: one.parameters for one in (*named.missing, *named.small, *named.absent)}
     pitch = told["rangefinder.mounting"]["pitch_rad"]
-    assert pitch.low <= 0.12 <= pitch.high and pitch.is_told
+    assert pitch.low <= 0.12 <= pitch.high and pitch.is_identified
 
 
 @needs_logs
@@ -440,4 +440,4 @@ def test_a_range_finder_beside_an_integrated_climb_rate_has_no_offset_that_could
     (mounting,) = diagnose_sensor([found]).absent
     assert mounting.unknown == ("offset_m", "scale")
     assert set(mounting.parameters) == {"roll_rad", "pitch_rad"}
-    assert parameters(mounting).endswith(", these flights do not tell offset_m, scale")
+    assert parameters(mounting).endswith(", these flights do not identify offset_m, scale")

@@ -11,13 +11,14 @@ from rich.console import Console
 
 from quadctl.errors import LogError
 from quadctl.lab.tracking import metrics as m
-from quadctl.lab.tracking.metrics import Window, metrics
+from quadctl.lab.tracking.metrics import Note, Window, metrics
 from quadctl.lab.tracking.rendering import render
 from quadctl.lab.tracking.steps import only_step
 from quadctl.logs.contradictions import contradictions
 from quadctl.logs.flight_log import FlightLog, Floats
 from quadctl.logs.read import read_logs
 from quadctl.logs.words import worded
+from quadctl.words import fact
 from tests.support.places import DATA
 
 RAPTOR = DATA / "raptor"
@@ -136,7 +137,7 @@ class TestAgainstReferenceFlights:
         high = flight(np.concatenate([np.full(8, 2.0), np.full(5, 1.113)]))
         result = metrics([low], [high], window=Window(0.0, 6.0), setpoint_m=0.2)
         assert result.flights[1].m_a_signed == pytest.approx(0.9 * 3.5 + 0.013 * 2.5)
-        assert "settled at 1.10 m" in result.notes[0]
+        assert result.notes == (fact(Note.SETTLED, setpoint_m=pytest.approx(1.1)),)
 
     def test_reference_setpoint_may_be_given(self) -> None:
         result = metrics(
@@ -274,9 +275,9 @@ class TestStepsWithoutPhases:
         phase = np.where(log.time_s < 20.0, "settle", np.where(log.time_s < 55.0, "step", "land"))
         seen, told = metrics([log]), metrics([replace(log, phase=phase)])
         assert seen.flights == told.flights
-        assert seen.notes == (
+        assert str(seen.notes[0]) == (
             "step.csv has no phases: measured is its step from 1.20 to 0.20 m at 20.00 s, as seen in the reference, "
-            "for 34.98 s",
+            "for 34.98 s"
         )
 
     def test_the_position_shows_it_where_there_is_no_reference(self) -> None:
@@ -284,14 +285,14 @@ class TestStepsWithoutPhases:
         step = only_step(stepping(1.2, 0.2, reference=False))
         assert step.start_s == pytest.approx(20.0, abs=0.3) and step.end_s == pytest.approx(55.0, abs=1.0)
         assert [step.from_m, step.to_m] == pytest.approx([1.2, 0.2], abs=0.05)
-        assert "as seen in the position" in result.notes[0]
+        assert result.notes[0].facts["source"] == "position"
 
     def test_all_flights_are_measured_for_as_long_as_the_shortest(self) -> None:
         low, high = stepping(1.2, 0.2, end_s=60.0), stepping(2.1, 1.1, end_s=50.0, name="high.csv")
         result = metrics([low], [high])
         assert [flight.duration_s for flight in result.flights] == pytest.approx([24.98, 24.98])
         assert result.flights[0].m_b_absolute is not None
-        assert [note.partition(" ")[0] for note in result.notes] == ["step.csv", "high.csv"]
+        assert [note.facts["flight"] for note in result.notes] == ["step.csv", "high.csv"]
 
     def test_what_is_asked_for_goes_first(self) -> None:
         result = metrics([stepping(1.2, 0.2)], window=Window(30.0, 40.0))
@@ -396,7 +397,7 @@ class TestPublishedTable:
         assert all(flight.duration_s == pytest.approx(29.04) for flight in table.flights)
 
     def test_reference_flights_are_0_9_m_higher(self, table: m.MetricsTable) -> None:
-        assert "settled at 1.10 m" in table.notes[0]
+        assert table.notes == (fact(Note.SETTLED, setpoint_m=pytest.approx(1.1)),)
 
     @pytest.mark.parametrize("name", PUBLISHED)
     def test_signed_m_a(self, table: m.MetricsTable, name: str) -> None:

@@ -8,7 +8,7 @@ from quadctl.lab.selection.diagnosis import Diagnosis
 
 
 @styled
-def ladder(diagnosis: Diagnosis, floor_total: float) -> Figure:
+def model_sequence(diagnosis: Diagnosis, floor_total: float) -> Figure:
     """Held-out error of the given model, then with each missing family, in the order of adding."""
     figure, ax = panel(0.9 + 0.46 * len(diagnosis.steps))
     totals = [step.rmse["total"] for step in diagnosis.steps]

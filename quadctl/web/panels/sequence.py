@@ -1,4 +1,4 @@
-"""The error ladder: the acceleration error of the current model, and of each step before it."""
+"""The model sequence: the acceleration error of the current model, and of each step before it."""
 
 import re
 from dataclasses import dataclass
@@ -8,17 +8,14 @@ from nicegui import ui
 from quadctl.lab.comparison.agreement import flights_of_the_fit
 from quadctl.lab.comparison.wording import (
     FLOOR,
-    agreement_in_short,
+    bias_of,
     change_in_words,
     held_out,
     listed,
     number,
     plain,
-    quantity,
     roughly,
-    share_of_g,
-    trim_in_words,
-    where_in_words,
+    where,
 )
 from quadctl.lab.evaluation import Evaluation
 from quadctl.lab.fitting.fitted_model import is_fitted_to
@@ -27,12 +24,14 @@ from quadctl.web.elements.html import tag
 from quadctl.web.panels.glossary import explained
 from quadctl.web.panels.panel import Controls, Panel
 from quadctl.web.panels.vehicle import WhichVehicle
-from quadctl.web.session.session import Rung, Session
+from quadctl.web.panels.words import Said
+from quadctl.web.session.session import Session, Step
+from quadctl.words import Fact, fact
 
 
 @dataclass(frozen=True)
-class Ladder(Panel):
-    """The held-out error of the current model in large, and a bar for each step of the ladder."""
+class ModelSequence(Panel):
+    """The held-out error of the current model in large, and a bar for each step of the model sequence."""
 
     session: Session
     seen: Dataset | None
@@ -43,12 +42,12 @@ class Ladder(Panel):
 
     def draw(self, do: Controls) -> None:
         session, evaluation = self.session, self.evaluation
-        with tag("section", "card ladder").props('aria-label="Error ladder"'):
+        with tag("section", "card sequence").props('aria-label="Model sequence"'):
             if self.starting:
                 tag("p", "muted", "The acceleration error of your model, on held-out data, appears here.")
                 return
             now = self._error_now()
-            judged = [(rung.name, rung.error_m_s2) for rung in session.rungs if rung.error_m_s2 is not None]
+            judged = [(step.name, step.error_m_s2) for step in session.sequence if step.error_m_s2 is not None]
             errors = [error for _, error in judged]
             with tag("div", "now"):
                 if now is None:
@@ -61,20 +60,21 @@ class Ladder(Panel):
                         change = change_in_words(1.0 - now / errors[0])
                         tag("span", "change", f"{change} since {_plain(judged[0][0])}")
             if evaluation is not None:
-                with tag("p", "muted what"):
-                    explained(self._kind_of_error())
+                if self.seen is not None:
+                    with tag("p", "muted what"):
+                        explained(str(self._kind_of_error(evaluation, self.seen)))
                 if evaluation.agreement is not None:
                     with tag("p", "what").props('id="agreement"'):
-                        tag("b", "", agreement_in_short(evaluation.agreement))
+                        tag("b", "", str(evaluation.agreement.answer))
                         tag("span", "", " The numbers are in Where it fails.")
             do.nest(WhichVehicle)
             largest = max([*errors, now or 0.0, 1e-9])
             least = self.floor_m_s2
             bars = _Bars(largest, None if least is None else min(least / largest, 1.0), self.idle)
             with tag("ol", "steps"):
-                for step, rung in enumerate(session.rungs):
-                    here = step == session.current and not session.off
-                    bars.draw(do, step, rung.name, rung.error_m_s2, here, self._stands(rung))
+                for i, step in enumerate(session.sequence):
+                    here = i == session.current and not session.off
+                    bars.draw(do, i, step.name, step.error_m_s2, here, self._stands(step))
                 if session.off:
                     bars.draw(do, session.current, f"without {listed(sorted(session.off))}", now, True)
             if least is not None:
@@ -83,40 +83,36 @@ class Ladder(Panel):
                     with tag("span"):
                         explained(f"reference error {roughly(least)}: {FLOOR}")
 
-    def _stands(self, rung: Rung) -> bool:
+    def _stands(self, step: Step) -> bool:
         """Tell whether the error of a step is that of a model that was not fitted to these flights."""
-        return self.seen is not None and not is_fitted_to(rung.model, self.seen.names)
+        return self.seen is not None and not is_fitted_to(step.model, self.seen.names)
 
     def _error_now(self) -> float | None:
         """Error of the current model, m/s²; the saved one while the evaluation runs, None where there is none."""
         if self.evaluation is not None:
             return self.evaluation.error_m_s2
-        return None if self.session.rung is None or self.session.off else self.session.rung.error_m_s2
+        return None if self.session.step is None or self.session.off else self.session.step.error_m_s2
 
-    def _kind_of_error(self) -> str:
-        """The error in words, and the data that it is computed on."""
-        if self.evaluation is None or self.seen is None:
-            return ""
-        error = self.evaluation.error_m_s2
-        said = f"The model mispredicts acceleration by {quantity(error)}, {share_of_g(error)} of g (RMSE)"
-        if self.evaluation.unseen is not None:
-            names = self.evaluation.unseen.dataset.names
-            used = [] if self.session.rung is None else flights_of_the_fit(self.session.rung.model, names)[0]
+    def _kind_of_error(self, evaluation: Evaluation, seen: Dataset) -> Fact:
+        """The error, and the data that it is computed on."""
+        error = {"error_m_s2": evaluation.error_m_s2}
+        if evaluation.unseen is not None:
+            names = evaluation.unseen.dataset.names
+            used = [] if self.session.step is None else flights_of_the_fit(self.session.step.model, names)[0]
             known = [name for name in names if name in used]
             if known:
-                return f"{said}, on {listed(names)}; the model was fitted to {listed(known)} before it was held out."
-            return f"{said}, per-flight bias included, on the held-out {listed(names)}."
-        if self.evaluation.kind == "as it stands":
-            used = flights_of_the_fit(self.evaluation.comparison.model, self.seen.names)[0]
-            fitted = f"it is fitted to {listed(used)}" if used else "it has the parameters of its file"
-            return f"{said}, {where_in_words(self.seen, (), as_it_stands=True)}; {fitted}."
-        refitted = ", the other effects refitted" if self.session.off else ""
-        return f"{said}, {trim_in_words(self.seen)}{refitted}: on {held_out(self.seen)}."
+                return fact(Said.ERROR_KNOWN, **error, flights=names, fitted=known)
+            return fact(Said.ERROR_ON, **error, where=where(seen, names))
+        if evaluation.kind == "as it stands":
+            used = flights_of_the_fit(evaluation.comparison.model, seen.names)[0]
+            return fact(Said.ERROR_AS_IT_STANDS, **error, where=where(seen, (), as_it_stands=True), fitted=used)
+        data = {"bias": bias_of(seen), "held_out": held_out(seen), "refitted": bool(self.session.off)}
+        return fact(Said.ERROR_CROSS_VALIDATED, **error, **data)
 
 
 @dataclass(frozen=True)
 class _Bars:
-    """The bars of the ladder, to one scale."""
+    """The bars of the model sequence, to one scale."""
 
     largest: float
     """Error of a bar of full length, m/s²."""

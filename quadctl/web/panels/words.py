@@ -1,0 +1,67 @@
+"""Words of the page's own statements: one table of templates; those of the lab's results stand in `quadctl.lab`."""
+
+from enum import unique
+
+from quadctl.lab.comparison.wording import FORMATS, plain
+from quadctl.words import By, Kinds, Template, When, Words
+
+_ERROR: Template = "The model mispredicts acceleration by {error_m_s2:m/s²}, {error_m_s2:of_g} of g (RMSE), "
+
+
+_WORDS = Words({**FORMATS, "family": plain, "any": lambda names: " or ".join(map(plain, names))})
+
+
+@unique
+class Said(Kinds, words=_WORDS):
+    """Statements of the panels, each with its template."""
+
+    ERROR_KNOWN = (_ERROR, "on {flights:listed}; the model was fitted to {fitted:listed} before it was held out.")
+    ERROR_ON = (_ERROR, "{where}.")
+    ERROR_AS_IT_STANDS = (
+        _ERROR,
+        "{where}; ",
+        When("fitted", "it is fitted to {fitted:listed}", "it has the parameters of its file"),
+        ".",
+    )
+    ERROR_CROSS_VALIDATED = (_ERROR, "{bias}", When("refitted", ", the other effects refitted"), ": on {held_out}.")
+    CROSS_VALIDATED = "cross-validated, {bias}"
+    AS_IT_STANDS = "of the model as it stands, {bias}"
+    HELD_OUT = "of the model as it is exported, per-flight bias included"
+    DRAWN_WITHOUT_BIAS = (
+        "The line is drawn without the per-flight bias, as the model flies: it is off by {off_m_s2:m/s²} {axis}."
+    )
+    NO_ACCELERATION_IS_CLOSER = (
+        "No acceleration at all would be a closer prediction here: it is {moves_m_s2:m/s²} {axis} (RMS)."
+    )
+    APART = "What is fitted to each flight by itself differs beside that: {differences:listed}."
+    APART_BY = "{name} by {least}{size:.2g}{unit}"
+    AT_LIMIT = "At the limit of what is usual for a flight: {nuisances:listed}."
+    OF_FLIGHTS = "{name} ({flights:listed})"
+    MORE_IS = "More than that would be a {family:family}, which these data do not establish (p {p:p})."
+    FACTOR_ONE = "Far from the ground the model gives the rotors the thrust that the vehicle file says: factor 1."
+    FACTOR = (
+        "Far from the ground the model gives the rotors {factor:.3f} times the thrust of the vehicle file. The curve "
+        "over height is relative to that; the compensator divides by both."
+    )
+    WHICH_OF_THEM = (
+        "The flights do not tell whether it is {families:any}. The compensator corrects for {family:family}: if it is "
+        "not that, the correction is wrong in other flights. Which flight next? (What is missing) looks for one that "
+        "tells them apart."
+    )
+    NO_GROUND = (
+        "This model has no effect of the ground: the compensator corrects nothing that this flight shows. What differs "
+        "between the flights is chance, or what the rest of the model does to them."
+    )
+    COMPENSATED = (
+        By("better", {True: "Better"}, "Not better"),
+        " with the compensator: what the ground does to the flight, which is the difference to the same step flown "
+        "high up, changes by {drop:change} (M_B from {without_m_s:.3f} to {compensated_m_s:.3f} m s). The whole "
+        "tracking error, with the way that any step takes, changes by {rmse_drop:change} (RMSE).",
+    )
+    SHARE = "{share:percent} of the square on this axis, {of_all:percent} of all axes, p {p:p}"
+    FITTED_TOGETHER = (
+        "Figures and errors are of one fit of all parameters together: the effect with ",
+        When("beside", "{beside:families} and the per-flight bias", "the per-flight bias"),
+        ". Without it, all else is fitted again for the errors, and stays as it is in the figures.",
+    )
+    BESIDE = When("families", "{families:families}", "the rigid body")
