@@ -33,16 +33,16 @@ TEMPLATES: Mapping[Kind, Template] = {
     Kind.EFFECT: "{effect}: {parameters:parameters}",
     Kind.ERROR: "Held-out acceleration error: {before:number} → {after:m/s²} ({drop:change}).",
     Kind.PART_UNEXPLAINED: "Part of the remaining error depends on the logged variables; no known effect explains it.",
-    Kind.CONFOUNDED: "These data do not distinguish {family:family} from {others:others}: it may be that instead.",
+    Kind.CONFOUNDED: "{family:Family} or {others:others}: these data do not distinguish them.",
     Kind.FLIGHTS_DIFFER: "The flights differ in {parameter} of {effect} (p {p:p}): {flights:parameters}.",
     Kind.NEXT_FLIGHT: "Next flight: {mission}; `quadctl suggest` compares all missions.",
     Kind.UNSEEN_BY_CHOICE: "On data that neither the fit nor the choice of effects has seen: {before:number} → "
     "{after:m/s²} on {data} ({searches} searches; {found:counts}).",
-    Kind.SEEN_BY_CHOICE: "These errors are of held-out data, but the effects were chosen with the same data: `quadctl "
-    "diagnose --nested` repeats the choice without them.",
+    Kind.SEEN_BY_CHOICE: "These errors are of held-out data, but the effects were chosen with the same data: they may "
+    "be too small: --nested repeats the choice without each part, which takes several times as long.",
     Kind.WHOLE_FLIGHTS: "With whole flights held out: {before:number} → {after:m/s²}.",
-    Kind.PART_SEARCHED: "The search has seen {searched} of {all} samples, in stretches spread over the flights, and so "
-    "have its errors; the parameters of what is missing are fitted to all samples.",
+    Kind.PART_SEARCHED: "The search used {searched} of {all} samples, in stretches spread over the flights: errors are "
+    "of these, parameters of what is missing of all samples.",
     Kind.SMALL: (
         "Measured, but small in these flights: {effect}, {parameters:parameters}{alternatives:or}. Held-out error: "
         "{before:number} → {after:number} {unit:unit}; alone it moves the vehicle {off_m:g} m off ",
@@ -53,7 +53,7 @@ TEMPLATES: Mapping[Kind, Template] = {
         ),
         ". `quadctl add {effect} MODEL.yaml LOG... -o NEW.yaml` adds it.",
     ),
-    Kind.USUAL: "There (p {p:p}), but no larger than the per-flight biases of any real vehicle: {effect}, "
+    Kind.USUAL: "Significant (p {p:p}), but within the per-flight bias of any real vehicle: {effect}, "
     "{parameters:parameters}.",
     Kind.LATE_POSITION: "The position comes {delay_ms:.0f} ms [{low_ms:.0f}, {high_ms:.0f}] after the rotors' signal, "
     "and no lag of the motors explains it: what brings or filters the position is slow. It has been taken out.",
@@ -61,10 +61,9 @@ TEMPLATES: Mapping[Kind, Template] = {
     "motion and the accelerometer agree on that. It has been taken out.",
     Kind.ATTITUDE_OR_TILT: "The attitude by motion capture is off, or the thrust is tilted, by up to "
     "{largest_deg:.1f}° ({flights:leans}): without an accelerometer the two are alike. It has been taken out.",
-    Kind.UNTRIED: "{effect} (to distinguish it from others, {variable:span} must span {needed:g} {unit}; in these data "
-    "it spans {span:.2g})",
-    Kind.UNTRIED_FOLLOWS: "{effect} (to distinguish it from others, {variable:span} must span {needed:g} {unit}; in "
-    "these data the thrust follows disturbances more than the motion)",
+    Kind.UNTRIED: "{effect} (it needs {variable:span} over a range of {needed:g} {unit}; in these data {span:.2g})",
+    Kind.UNTRIED_FOLLOWS: "{effect} (it needs manoeuvres that change {variable:span} by {needed:g} {unit}; in these "
+    "data the controller's answers to disturbances change it most)",
     Kind.NO_DROP: "it does not reduce the held-out error",
     Kind.NOT_SIGNIFICANT: "its gain is not significant: p {p:p}, expected below {limit:g}",
     Kind.ZERO: "these data do not show that {parameters:any} differs from 0",
@@ -110,6 +109,7 @@ def _parameters(values: Mapping[str, Mapping[str, Any]]) -> str:
 _FORMATS: Mapping[str, Format] = {
     **FORMATS,
     "family": plain,
+    "Family": lambda family: sentence(plain(family)),
     "others": lambda names: " or ".join(map(plain, names)),
     "list": listed,
     "names": ", ".join,
@@ -167,15 +167,15 @@ class Answer(Kinds, words=_WORDS):
     NO_FORM = "The residual depends on the logged variables, but no effect of the catalogue describes how."
     NONE_HELPS = "No effect of the catalogue reduces the held-out error enough to matter."
     FOR_FITTING = "{finding} The flights are those for fitting."
-    OTHER_ERROR = "What shows {family:family} is another error: {drop:change} held-out {error}."
+    OTHER_ERROR = "{family:Family} lowers another error: {drop:change} held-out {error}."
     BY_FLIGHTS = By(
         "same",
         {True: "With whole flights held out the error is {before:m/s²}."},
-        "With all that is missing, the error with whole flights held out is {after:m/s²} instead of {before:m/s²}; on "
-        "blocks of time it is {on_blocks:m/s²}.",
+        "After adding all missing effects the error with whole flights held out is {after:m/s²} instead of "
+        "{before:m/s²}; with blocks of time held out it is {on_blocks:m/s²}.",
     )
     INSTEAD = (
-        "It explains the same as {family:family}: beside that it changes nothing, instead of it it would. These data "
+        "It explains the same as {family:family}: beside that it changes nothing, in its place it would. These data "
         "do not tell which of the two it is."
     )
     WHY_NOT = "Why not: {reason}."

@@ -35,6 +35,7 @@ from quadctl.lab.selection import diagnosis as lab_diagnosis
 from quadctl.lab.selection.diagnosis import diagnose
 from quadctl.lab.selection.evidence import evidence_for
 from quadctl.lab.selection.unseen import UnseenError
+from quadctl.lab.selection.wording import rival_of
 from quadctl.lab.study import Study
 from quadctl.lab.verdict import Statement
 from quadctl.logs.findings import Kind, finding
@@ -47,7 +48,6 @@ from quadctl.web.figures.ratio import ratio_over_height
 from quadctl.web.page.page import TABS, Page
 from quadctl.web.panels.choices import Choices
 from quadctl.web.panels.compensator import answer, doubts, far
-from quadctl.web.panels.evidence import rival_of
 from quadctl.web.panels.fails import Failures
 from quadctl.web.panels.glossary import GLOSSARY
 from quadctl.web.panels.help import KEYS

@@ -30,7 +30,7 @@ from quadctl.lab.flights.dataset import AlignedDataset, Dataset
 from quadctl.lab.flights.prediction import AXES, rmse
 from quadctl.lab.results import Result, errors_table
 from quadctl.model import Model
-from quadctl.words import Fact, fact
+from quadctl.words import Fact, count, fact
 
 SHOWN_FAILURES = 6
 TOLD_HORIZON_S = 2.0
@@ -105,10 +105,12 @@ class Comparison(Result):
             lines.append(self.agreement.said)
         if self.fails_where:
             shown = told(self.fails_where, SHOWN_FAILURES)
-            lines.append("The model fails here, what explains the most of the error first:")
+            lines.append("Where the model fails, the largest share of the error first:")
             lines += [f"  - {failure.said} ({abs(failure.sigma):.0f} sigma)" for failure in shown]
             if len(self.fails_where) > SHOWN_FAILURES:
-                lines.append(f"  - and {len(self.fails_where) - SHOWN_FAILURES} more ranges (see --json or --html)")
+                lines.append(
+                    f"  - {count(len(self.fails_where) - SHOWN_FAILURES, 'more range')} (see --json or --html)"
+                )
             more = (followed(shown, self.dataset), unexplained(self.fails_where, self.rmse))
             lines += [said for said in more if said is not None]
         else:

@@ -36,7 +36,7 @@ def quantity(value: float) -> str:
 
 def roughly(value: float) -> str:
     """Format an acceleration that is known roughly, as a reference error is, with two digits and its unit."""
-    return f"{float(f'{value:.2g}'):g} {UNIT}"
+    return f"{value:#.2g}".removesuffix(".") + f" {UNIT}"
 
 
 def percent(share: float) -> str:
@@ -50,8 +50,8 @@ def share_of_g(value: float) -> str:
 
 
 def p_in_words(p: float) -> str:
-    """Format a p-value, such as `< 0.0001`, `0.003`, `0.62`."""
-    return "< 0.0001" if p < 1e-4 else f"{p:.1g}" if p < 0.01 else f"{p:.2f}"
+    """Format a p-value, such as `< 0.0001`, `0.0031`, `0.62`."""
+    return "< 0.0001" if p < 1e-4 else f"{p:.2g}" if p < 0.1 else f"{p:.2f}"
 
 
 def change_in_words(drop: float) -> str:
@@ -152,7 +152,7 @@ _FITTED: Template = By(
 )
 _JUDGED: Template = ("{judged:flights}", When("differs_most", ", which differs most,"))
 _PREDICTS: Template = ("The model", _FITTED, " predicts ", _JUDGED)
-_LIMIT = "{limit_m_s2:number}, {close:percent} of the error on {reference:flights}, that count as none"
+_LIMIT = "{limit_m_s2:number}, {close:percent} of the error on {reference:flights}"
 _BIAS: Template = When("whole_flights", "per-flight bias included", "apart from the per-flight bias")
 _HELD_OUT: Template = When(
     "whole_flights",
@@ -227,21 +227,25 @@ class Said(Kinds, words=Words(FORMATS)):
         _PUSH,
         When(
             "average",
-            (" (over all ranges by ", By("axis", {"up": "{average_share:.1%}"}, "{average_m_s2:.2f} m/s²"), ")"),
+            (
+                " (on average over the flight by ",
+                By("axis", {"up": "{average_share:.1%}"}, "{average_m_s2:.2f} m/s²"),
+                ")",
+            ),
         ),
         When("stretches", ", {stretches:stretches}"),
     )
     DEPENDENCE = (
-        "The {axis} residual depends on the {variable:variable}: {ends:and} on average, {share:.0%} of the squared "
-        "error on this axis"
+        "The {axis} residual depends on the {variable:variable}, {ends:and} on average, which is {share:.0%} of the "
+        "squared error of this axis"
     )
     MEAN_AT = "{mean_m_s2:signed} m/s² at {at:end} {unit}"
     FAILS = ("{failure}", IF_IT_FLEW, ".")
     FOLLOWS = (
         By("flights", {1: "In this flight"}, "In these flights"),
         " the {variables:variables} ",
-        By("one", {True: "follows"}, "follow"),
-        " disturbances, which the controller counters, more than the motion: a residual that depends on ",
+        By("one", {True: "changes"}, "change"),
+        " mostly because the controller counters disturbances: a residual that depends on ",
         By("one", {True: "it"}, "them"),
         " may come from the controller, and not from a missing effect.",
     )
@@ -250,7 +254,9 @@ class Said(Kinds, words=Words(FORMATS)):
     DIFFER = "Under this model the flights differ."
     AGREE = "Under this model the flights agree."
     MAY_AGREE = "Whether the flights agree under this model is not known."
-    AS_LARGE = "Under this model the error is as large in each flight; whether it is the same is not known."
+    AS_LARGE = (
+        "Under this model the error has the same size in each flight; whether its cause is the same is not known."
+    )
     AGREEMENT = "{answer}: {reasons:semicolons}."
     OTHERWISE = (_PREDICTS, " otherwise than {reference:flights}")
     AS_WELL = (_PREDICTS, " as well as {reference:flights}")
@@ -267,8 +273,8 @@ class Said(Kinds, words=Words(FORMATS)):
     )
     ERRORS = "its error is {judged_m_s2:m/s²} on {judged:flights} and {reference_m_s2:m/s²} on {reference:flights}"
     TOO_SHORT = "one of them is too short for an interval"
-    MAY_BE_MORE = f"the difference is anything {{ci95:range}}, which may be more than the {_LIMIT}"
-    IS_LESS = f"the difference is {{ci95:range}}, less than the {_LIMIT}"
+    MAY_BE_MORE = f"the difference is {{ci95:range}}, and to be as well it must be below {_LIMIT}"
+    IS_LESS = f"the difference is {{ci95:range}}, below {_LIMIT}"
     SHIFT = (
         "the mean residual {axis}",
         When("variable", " at a {variable:variable} from {low:.3g} to {high:.3g} {variable:unit}"),
@@ -288,7 +294,7 @@ class Said(Kinds, words=Words(FORMATS)):
         "{floor_m_s2:roughly}, the reference error",
         When(
             "others",
-            "; without {others:variables} it explains {by_causes:percent}. What goes with {others:variables} can be a "
+            "; without {others:variables} it explains {by_causes:percent}. A dependence on {others:variables} can be a "
             "missing effect, the error of a sensor, or the controller's answer to a disturbance: these flights do not "
             "tell",
         ),
@@ -300,9 +306,11 @@ class Said(Kinds, words=Words(FORMATS)):
     AS_IT_STANDS = ("as it stands, ", _BIAS, ", on {flights:flights}")
     ON_HELD_OUT = (_BIAS, ", on ", _HELD_OUT)
     OTHER_FLIGHTS = "{effect} holds values of {logs:list}, which are used in this order for {flights:list}"
-    THRUST_ASSUMED = "{names:Listed} assumed: a wrong mass or thrust cannot be told from it"
+    THRUST_ASSUMED = "{names:Listed} assumed: a wrong mass or thrust would look the same"
     ASSUMED = "Assumed, and not measured: {names:listed}"
-    OPEN_LOOP = "After {horizon_s:g} s the predicted position is off by {position} (velocity held: {held_m:.3g} m)."
+    OPEN_LOOP = (
+        "After {horizon_s:g} s the predicted position is off by {position} (at constant velocity: {held_m:.3g} m)."
+    )
     LOOKS_LIKE = "Looks like {families:families}: these data do not distinguish them."
 
 

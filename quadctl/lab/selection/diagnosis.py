@@ -31,7 +31,14 @@ from quadctl.lab.selection.single_flights import of_single_flights
 from quadctl.lab.selection.small import measured_of, small_beside
 from quadctl.lab.selection.unseen import UnseenError, held_out_errors, nested_errors, of_unseen
 from quadctl.lab.selection.wording import UNITS as ERROR_UNITS
-from quadctl.lab.selection.wording import candidate_to_dict, error_in_table, measured_to_dict, p_in_table
+from quadctl.lab.selection.wording import (
+    candidate_to_dict,
+    error_in_table,
+    measured_to_dict,
+    p_in_table,
+    reason_against,
+    rival_of,
+)
 from quadctl.lab.symbolic.formula import Symbolic
 from quadctl.lab.threads import one_blas_thread
 from quadctl.lab.words import in_words
@@ -203,13 +210,13 @@ class Diagnosis(Result):
         missing = {step.effect for step in self.steps}
         supported = [c for c in self.ranking if c.effect.name in missing or is_supported(c)]
         title = (
-            "Missing effects (*), each beside those before it, and others that explain as much"
+            "Missing effects (*), each added to those above it; then others that explain as much"
             if self.missing
-            else "Supported by themselves, but no answer to what is left"
+            else "Significant alone, but they do not explain the error that is left"
         )
         tables = [_table(title, supported, missing)] if supported else []
         rest = len(self.ranking) - len(supported)
-        more = f"Not supported are {rest} further effects, and {len(self.untried)} were not tried: --all tells why."
+        more = f"{rest} other effects are not supported, and {len(self.untried)} were not tried: --all says why."
         return Group(
             Text(on_terminal(_told(self.answer))),
             *([self.symbolic] if self.symbolic else []),
@@ -222,7 +229,9 @@ class Diagnosis(Result):
         title = f"All candidates (* missing, in the order of adding; significant: p < {RULE.significant:g})"
         missing = {step.effect for step in self.steps}
         untried = [f"Not tried: {in_words(reason)}." for reason in self.untried]
-        return Group(_table(title, self.ranking, missing), Text(on_terminal("\n".join(untried))))
+        against = {c.effect.name: in_words(reason_against(c, rival_of(c, self.chosen))) for c in self.ranking}
+        table = _table(title, self.ranking, missing, against)
+        return Group(table, Text(on_terminal("\n".join(untried))))
 
 
 def _of_attitudes(fit: FittedModel | None) -> list[Finding]:
@@ -242,8 +251,11 @@ def _told(answer: Sequence[Finding]) -> str:
     return "\n".join(f"  {in_words(f)}" if f.kind in (Kind.EFFECT, Kind.SMALL) else in_words(f) for f in answer)
 
 
-def _table(title: str, candidates: Iterable[Candidate], missing: Container[str]) -> Table:
-    """Table of candidates with parameters and intervals, for 80 columns; the effects `missing` are marked."""
+def _table(
+    title: str, candidates: Iterable[Candidate], missing: Container[str], against: Mapping[str, str] | None = None
+) -> Table:
+    """Table of candidates with parameters and intervals, for 80 columns; the effects `missing` are marked, below the
+    others stands what is `against` them, by their names."""
     table = Table(title=title, title_justify="left", box=box.SIMPLE_HEAVY, show_edge=False, padding=0)
     table.add_column("effect, and its parameters [95 %]")
     for heading in ("held-out error", "change", "p"):
@@ -251,9 +263,10 @@ def _table(title: str, candidates: Iterable[Candidate], missing: Container[str])
     for c in candidates:
         is_missing = c.effect.name in missing
         name = Text(f"{'* ' if is_missing else ''}{c.effect.name}", style="bold" if is_missing else "")
-        parameters = "\n".join(parameter_lines(c.effect, c.ci95))
+        parameters = parameter_lines(c.effect, c.ci95) if c.ci95 else []
+        why_not = [] if is_missing or against is None else [f"no: {on_terminal(against[c.effect.name])}"]
         table.add_row(
-            Group(name, *([Padding(Text(parameters), (0, 1, 0, 2))] if c.ci95 else [])),
+            Group(name, *([Padding(Text("\n".join([*parameters, *why_not])), (0, 1, 0, 2))])),
             f"{error_in_table(c.before[c.measure])} -> {error_in_table(c.after[c.measure])}" + UNITS[c.measure],
             f"{-c.held_out_drop:+.1%}",
             p_in_table(c.p_value),

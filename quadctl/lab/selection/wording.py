@@ -1,5 +1,6 @@
 """Candidates in words and as JSON."""
 
+from collections.abc import Sequence
 from typing import Any
 
 from quadctl.lab.finding import Finding, Kind
@@ -48,6 +49,11 @@ def candidate_in_words(c: Candidate) -> str:
         distinguished_by=c.effect.distinguished_by,
     )
     return " ".join(map(str, [c.effect.physics, improvement, *(fact(Answer.NOTE, remark=r) for r in c.remarks)]))
+
+
+def rival_of(candidate: Candidate, winners: Sequence[Candidate]) -> Candidate | None:
+    """The winner that a candidate lost against: another form of its own effect, else the first; None without any."""
+    return next((c for c in winners if c.family == candidate.family), winners[0] if winners else None)
 
 
 def reason_against(c: Candidate, chosen: Candidate | None) -> Finding:

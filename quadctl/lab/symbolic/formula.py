@@ -108,19 +108,18 @@ class Symbolic:
         table = Table(
             title=f"Expressions for the unexplained acceleration, m/s^2, {self.frame} axes", title_justify="left"
         )
-        table.add_column("axis")
-        table.add_column("expression")
-        table.add_column("coefficients [95 %]")
+        table.add_column("expression, and its coefficients [95 %]", overflow="fold")
         table.add_column("explains", justify="right", no_wrap=True)
         table.add_column("p", justify="right", no_wrap=True)
         for law in self.laws:
             for formula in (law.sparse, law.compact):
-                ci = "\n".join(
-                    f"{name} = {formula.coefficients[name]:.3g} [{low:.3g}, {high:.3g}]"
+                ci = [
+                    f"  {name} = {formula.coefficients[name]:.3g} [{low:.3g}, {high:.3g}]"
                     for name, (low, high) in formula.ci95.items()
-                )
+                ]
                 p = "" if formula is law.compact else "< 1e-4" if law.p_value < 1e-4 else f"{law.p_value:.2g}"
-                axis = "  compact" if formula is law.compact else law.axis
-                table.add_row(axis, Text(formula.text), ci, f"{formula.held_out_share:.0%}", p)
-        share = "'explains' is the share of the squared error of that axis on held-out data."
+                head = f"{law.axis}{', of one variable' if formula is law.compact else ''} = {formula.text}"
+                table.add_row(Text("\n".join([head, *ci])), f"{formula.held_out_share:.0%}", p)
+        up = "'top' is along the thrust, against body z. " if self.frame == "body" else ""
+        share = f"{up}'explains' is the share of the squared error of that axis on held-out data."
         return Group(table, Text(share))

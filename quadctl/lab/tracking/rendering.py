@@ -31,16 +31,17 @@ _WORDS = Words({"order": lambda errors: "; ".join(f"{name} {error:.3f}" for erro
 class Answer(Kinds, words=_WORDS):
     """Order of flights by their errors, with its template."""
 
-    BY_M_B = (
-        "Least first by absolute M_B, the integral of the difference from the reference flight, m s: {errors:order}."
-    )
-    BY_RMSE = "Least first by RMSE of the error, m: {errors:order}."
+    BY_M_B = "Best first, by absolute M_B (m s): {errors:order}."
+    BY_RMSE = "Best first, by RMSE of the error (m): {errors:order}."
 
 
 def render(result: MetricsTable) -> RenderableType:
     """The metrics: which flight follows best, then a table, one line per flight and mean and deviation of flights flown
     more than once."""
-    notes = ("M_A: integral of the error.", *(f"{note}." for note in result.notes))
+    notes = (
+        "M_A: integral of the error. M_B: integral of the difference from the reference flight.",
+        *(f"{note}." for note in result.notes),
+    )
     return Group(*(Text(str(found)) for found in _answer(result)), _table(result), *(Text(note) for note in notes))
 
 
@@ -57,7 +58,7 @@ def _answer(result: MetricsTable) -> list[Fact]:
 def _table(result: MetricsTable) -> Table:
     columns = [value for value in VALUES if any(getattr(flight, value) is not None for flight in result.flights)]
     table = Table(
-        title=escape(f"Tracking of {result.axis}, {result.window}: integrals in m s, errors in m"),
+        title=escape(f"Tracking of {result.axis}, {result.window}: M_A and M_B in m s, others in m"),
         title_justify="left",
         box=box.SIMPLE_HEAD,
         show_edge=False,

@@ -1,6 +1,5 @@
 """The evidence for an effect, missing or in the model: its curve, the error per axis, what lost, the next flight."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -12,7 +11,7 @@ from quadctl.lab.flights.prediction import GROUPS, MOMENTS, SENSED
 from quadctl.lab.planning.suggestion import Suggestion
 from quadctl.lab.selection.candidate import LEAST_ERROR, Candidate
 from quadctl.lab.selection.evidence import Evidence as Found
-from quadctl.lab.selection.wording import error_in_table, p_in_table, reason_against, unit_of
+from quadctl.lab.selection.wording import error_in_table, p_in_table, reason_against, rival_of, unit_of
 from quadctl.lab.words import in_words
 from quadctl.web.elements.html import heading, loading, plot, table, tag
 from quadctl.web.elements.theme import Theme
@@ -156,11 +155,6 @@ def _draw_reasons(losers: list[Candidate], winners: list[Candidate]) -> None:
 def _beside(candidate: Candidate) -> Fact:
     """The effects beside which a candidate was tried."""
     return fact(Said.BESIDE, families=[effect.family() for effect in candidate.model.effects[:-1]])
-
-
-def rival_of(candidate: Candidate, winners: Sequence[Candidate]) -> Candidate | None:
-    """The winner that a candidate lost against: another form of its own effect, else the first; None without any."""
-    return next((c for c in winners if c.family == candidate.family), winners[0] if winners else None)
 
 
 def draw_suggestion(suggestion: Suggestion) -> None:

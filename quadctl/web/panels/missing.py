@@ -11,13 +11,13 @@ from quadctl.lab.flights.flight import VARIABLE_NAMES
 from quadctl.lab.planning.suggestion import Suggestion
 from quadctl.lab.selection.candidate import Candidate
 from quadctl.lab.selection.rule import is_supported
-from quadctl.lab.selection.wording import reason_against
+from quadctl.lab.selection.wording import reason_against, rival_of
 from quadctl.lab.words import Answer, in_words
 from quadctl.model import Model
 from quadctl.web.elements.html import heading, tag
 from quadctl.web.elements.theme import Theme
 from quadctl.web.figures.sketch import sketch_svg
-from quadctl.web.panels.evidence import Evidence, draw_suggestion, rival_of
+from quadctl.web.panels.evidence import Evidence, draw_suggestion
 from quadctl.web.panels.overview import Overview
 from quadctl.web.panels.panel import Controls, Panel, Tab, work_button
 from quadctl.web.panels.verdict import Verdict, draw_expression
