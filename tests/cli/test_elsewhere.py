@@ -192,7 +192,7 @@ def errors_of(session: Path) -> list[float]:
     """Errors of the steps of a saved session, as far as they are known."""
     if not session.is_file():
         return []
-    errors = (rung.error_m_s2 for rung in load_session(session).rungs)
+    errors = (step.error_m_s2 for step in load_session(session).sequence)
     return [error for error in errors if error is not None]
 
 

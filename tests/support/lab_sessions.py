@@ -12,7 +12,7 @@ from quadctl.lab.study import Study, quiet
 from quadctl.model import load_model
 from quadctl.sitl.run import simulate
 from quadctl.web.session.findings import Findings
-from quadctl.web.session.session import Rung, Session, load_session, session_to_yaml
+from quadctl.web.session.session import Session, Step, load_session, session_to_yaml
 from quadctl.web.work.jobs import look_for, open_logs
 from quadctl.web.work.reading import read_logs
 from tests.support.visitors import ROOT
@@ -79,11 +79,11 @@ def one_step_up(session: Path) -> Path:
     """The same, and one step more: the effect that was found, and nothing left."""
     begun, found = _begun(session)
     assert found.content["missing"] == ["ground_effect"]
-    added = begun.rungs[0].model.plus(CATALOG[ADDED].from_values(found.content["best"][0]["parameters"], ""))
+    added = begun.sequence[0].model.plus(CATALOG[ADDED].from_values(found.content["best"][0]["parameters"], ""))
     nothing = Findings(
         found.content | {"verdict": "none", "missing": [], "steps": found.content["steps"][:1], "best": []}
     )
-    return _saved(begun.climbed(Rung(f"+ {ADDED}", added, found=nothing)), session.with_name("two.lab.yaml"))
+    return _saved(begun.extended(Step(f"+ {ADDED}", added, found=nothing)), session.with_name("two.lab.yaml"))
 
 
 def unexplained(session: Path) -> Path:
@@ -93,12 +93,12 @@ def unexplained(session: Path) -> Path:
     symbolic = {"frame": "world", "laws": [law], "ranges": {"height_over_radius": (0.8, 7.5)}}
     nothing = {"verdict": "unexplained", "missing": [], "unexplained": True, "steps": found.content["steps"][:1]}
     other = Findings(found.content | nothing | {"symbolic": symbolic})
-    return _saved(begun.searched(begun.rungs[0].model, other), session.with_name("unexplained.lab.yaml"))
+    return _saved(begun.searched(begun.sequence[0].model, other), session.with_name("unexplained.lab.yaml"))
 
 
 def _begun(session: Path) -> tuple[Session, Findings]:
     begun = load_session(session)
-    found = begun.rungs[0].found
+    found = begun.sequence[0].found
     assert found is not None
     return begun, found
 

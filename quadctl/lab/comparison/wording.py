@@ -166,12 +166,12 @@ NAMED_FLIGHTS = 2
 """Most flights that a sentence names."""
 
 
+MOSTLY, THROUGHOUT = "mostly in {0.flight} ({0.begin_s:.0f} to {0.end_s:.0f} s)", "throughout {0.flight}"
+
+
 def _stretches(found: Sequence[Any]) -> str:
     """`mostly in HOVERING.csv (12 to 31 s)`, `throughout HOVERING.csv`; of many flights, the first."""
-    parts = [
-        f"throughout {s.flight}" if s.whole else f"mostly in {s.flight} ({s.begin_s:.0f} to {s.end_s:.0f} s)"
-        for s in found
-    ]
+    parts = [(THROUGHOUT if stretch.whole else MOSTLY).format(stretch) for stretch in found]
     return listed(parts) if len(parts) <= NAMED_FLIGHTS else f"in {len(parts)} flights, {parts[0]}"
 
 

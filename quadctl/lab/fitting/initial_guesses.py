@@ -46,7 +46,7 @@ class Unmodelled:
 
     def explained_about(self, start: Effect) -> float:
         """Squared error, in units of the noise, that an effect explains to first order about `start`: by a factor on it
-        and a change of each of its parameters, beside per-flight biases as they usually are."""
+        and a change of each of its parameters, beside trims as they usually are."""
         model, dataset = self.model.plus(start), self._aligned
         own = free_parameters(model)[len(free_parameters(self.model)) :]
         jacobian = np.concatenate(

@@ -278,7 +278,7 @@ class TestWhatThePageHolds:
         assert said in text[: text.index("The model :")]
         assert said in text[text.index("What is missing") :]  # beside the thrust scale that was tried
 
-    def test_look_alikes_are_named_with_what_tells_them_apart(
+    def test_confounded_effects_are_named_with_what_tells_them_apart(
         self, worded: Worded, flown: Flown, made: Comparison
     ) -> None:
         confounded = dataclasses.replace(flown.diagnosis, confounded=[["ground_effect", "thrust_scale"]])
