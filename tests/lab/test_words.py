@@ -50,7 +50,7 @@ def test_every_kind_has_a_template() -> None:
         ),
         (
             Finding(Kind.UNTRIED, {"effect": "a.b", "variable": "speed", "needed": 1.0, "unit": "m/s", "span": 0.069}),
-            "a.b (to distinguish it from others, speed must span 1 m/s; in these data it spans 0.069)",
+            "a.b (it needs speed over a range of 1 m/s; in these data 0.069)",
         ),
         (
             Finding(Kind.NOT_SIGNIFICANT, {"p": 0.3, "limit": 0.01}),

@@ -576,7 +576,7 @@ class TestOpenTab:
     def test_an_assumed_thrust_is_said_beside_what_rests_on_it(
         self, tab: str, views: dict[str, View], tabs: Callable[[str, View], OpenTab]
     ) -> None:
-        said = "Thrust coefficient assumed: a wrong mass or thrust cannot be told from it."
+        said = "Thrust coefficient assumed: a wrong mass or thrust would look the same."
         assert said not in str(tabs(tab, views["at first"]).shown)
         shown = str(tabs(tab, views["a vehicle whose thrust was assumed"]).shown)
         assert shown.count(said) == 2  # beside the thrust scale in the model, and in this part of the page
@@ -1000,7 +1000,7 @@ class TestOpenTab:
         ranking = [c for c in diagnosis.ranking if c is not other]
         alike = replace(diagnosis, ranking=[*ranking, renamed], confounded=[["ground_effect", "inflow"]])
         results = replace(view.results, found=replace(view.results.found, diagnosis=alike))
-        said = "It explains the same as ground effect: beside that it changes nothing, instead of it it would."
+        said = "It explains the same as ground effect: beside that it changes nothing, in its place it would."
         assert said in str(tabs("missing", replace(view, results=results)).shown)
         assert said not in str(tabs("missing", view).shown)
 

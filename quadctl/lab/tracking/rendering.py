@@ -38,10 +38,10 @@ class Answer(Kinds, words=_WORDS):
 def render(result: MetricsTable) -> RenderableType:
     """The metrics: which flight follows best, then a table, one line per flight and mean and deviation of flights flown
     more than once."""
-    notes = (
-        "M_A: integral of the error. M_B: integral of the difference from the reference flight.",
-        *(f"{note}." for note in result.notes),
-    )
+    notes = ["M_A: integral of the error."]
+    if any(flight.m_b_absolute is not None for flight in result.flights):
+        notes = ["M_A: integral of the error. M_B: integral of the difference from the reference flight."]
+    notes += [f"{note}." for note in result.notes]
     return Group(*(Text(str(found)) for found in _answer(result)), _table(result), *(Text(note) for note in notes))
 
 
@@ -58,7 +58,7 @@ def _answer(result: MetricsTable) -> list[Fact]:
 def _table(result: MetricsTable) -> Table:
     columns = [value for value in VALUES if any(getattr(flight, value) is not None for flight in result.flights)]
     table = Table(
-        title=escape(f"Tracking of {result.axis}, {result.window}: M_A and M_B in m s, others in m"),
+        title=escape(f"Tracking of {result.axis}, {result.window}: integrals in m s, errors in m"),
         title_justify="left",
         box=box.SIMPLE_HEAD,
         show_edge=False,

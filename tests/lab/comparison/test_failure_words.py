@@ -17,7 +17,7 @@ def test_a_range_tells_where_and_by_how_much_of_the_weight() -> None:
     )
     assert str(LOW.said) == said
     beside = replace(LOW, average=0.49, stretches=(IN_LOW,))
-    assert str(beside.said) == f"{said} (over all ranges by 5.0%), mostly in low-1.csv (4 to 21 s)"
+    assert str(beside.said) == f"{said} (on average over the flight by 5.0%), mostly in low-1.csv (4 to 21 s)"
 
 
 @pytest.mark.parametrize(
@@ -43,6 +43,6 @@ def test_of_several_flights_those_with_most_of_it_are_named() -> None:
 def test_a_dependence_tells_both_ends_and_its_share() -> None:
     depends = replace(LOW, kind="dependence", variable="climb_rate", extremes=((-1.5, -0.4), (1.0, 0.6)), share=0.75)
     said = (
-        "The up residual depends on the climb rate: \u22120.40 m/s² at \u22121.5 m/s and +0.60 m/s² at 1 m/s on average"
+        "The up residual depends on the climb rate, \u22120.40 m/s² at \u22121.5 m/s and +0.60 m/s² at 1 m/s on average"
     )
-    assert str(depends.said) == f"{said}, 75% of the squared error on this axis"
+    assert str(depends.said) == f"{said}, which is 75% of the squared error of this axis"

@@ -73,7 +73,7 @@ def test_what_follows_disturbances_is_said_to_be_no_sure_cause(raptor: Vehicle, 
     data = load_dataset([replace(hover, columns={**hover.columns, **still})], raptor)
     said = followed([up, height], data)
     assert said is not None and said.facts["variables"] == ["thrust"]
-    assert "In this flight the thrust follows disturbances" in str(said)
+    assert "In this flight the thrust changes mostly because the controller counters disturbances" in str(said)
     assert str(said) in " ".join(str(compare(Model(raptor), data)).split())
 
 

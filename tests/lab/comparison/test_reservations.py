@@ -7,7 +7,7 @@ from quadctl.model import Model
 from quadctl.vehicle import Vehicle
 from tests.support.flights import obedient
 
-SAID = "Thrust coefficient assumed: a wrong mass or thrust cannot be told from it"
+SAID = "Thrust coefficient assumed: a wrong mass or thrust would look the same"
 
 
 def test_an_assumed_thrust_coefficient_is_said_beside_the_error(raptor: Vehicle) -> None:

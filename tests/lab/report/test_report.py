@@ -269,7 +269,7 @@ class TestWhatThePageHolds:
     def test_an_assumed_thrust_coefficient_is_said_beside_the_verdict(
         self, worded: Worded, flown: Flown, made: Comparison
     ) -> None:
-        said = "Thrust coefficient assumed: a wrong mass or thrust cannot be told from it."
+        said = "Thrust coefficient assumed: a wrong mass or thrust would look the same."
         assert said not in worded(Results(made, flown.diagnosis)).text
         vehicle = made.model.vehicle.model_copy(update={"assumed": ("rotor.thrust_n_per_rpm2",)})
         model = dataclasses.replace(made.model, vehicle=vehicle)
@@ -283,7 +283,7 @@ class TestWhatThePageHolds:
     ) -> None:
         confounded = dataclasses.replace(flown.diagnosis, confounded=[["ground_effect", "thrust_scale"]])
         text = worded(Results(made, confounded)).text
-        assert "These data do not distinguish ground effect from thrust scale: " in text
+        assert "Ground effect or thrust scale: these data do not distinguish them." in text
         assert ConstantScale.distinguished_by in text
 
     def test_the_table_of_step_responses_labels_signed_and_absolute(self, flown: Flown, page: Page) -> None:

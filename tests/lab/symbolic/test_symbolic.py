@@ -1,6 +1,7 @@
 """Formulas for what no effect of the catalogue explains: found if it is there, none if it is not, usable in flight."""
 
 import json
+import re
 import math
 import warnings
 from collections.abc import Callable
@@ -215,12 +216,17 @@ class TestWhatAUserSees:
         assert back["expression"].startswith(f"{found.laws[0].axis} = ")
         assert back["laws"][0]["compact"]["coefficients"]["m"] == pytest.approx(1.0, abs=0.03)
 
-    def test_table(self, found: Symbolic) -> None:
-        console = Console(width=200)
+    @pytest.mark.parametrize("width", [80, 400])
+    def test_the_table_holds_every_formula_whole(self, found: Symbolic, width: int) -> None:
+        console = Console(width=width)
         with console.capture() as capture:
             console.print(found)
-        assert "compact" in capture.get()
-        assert "north" in capture.get()
+        shown = re.sub(r"[\s│]+", "", capture.get())
+        for law in found.laws:
+            assert re.sub(r"\s+", "", f"{law.axis} = {law.sparse.text}") in shown or width < 400
+            ends = law.sparse.text.rpartition(" + ")[2].replace(" ", "")
+            assert ends.rpartition("*")[2] in shown
+            assert f"{law.axis},ofonevariable=" in shown
 
     @pytest.mark.parametrize(
         ("coefficients", "text"),
