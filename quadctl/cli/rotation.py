@@ -25,14 +25,16 @@ def rotation(
     Moment gains, rotor lag, damping and thrust map follow from commands and IMU; a position is not needed.
     """
     from quadctl.lab.rotation.parameters import fit_rotation
-    from quadctl.lab.rotation.records import record_of
+    from quadctl.lab.rotation.records import records_of
     from quadctl.lab.rotation.words import answer
     from quadctl.logs.read import read_imu_log
     from quadctl.logs.record.copies import without_copies
     from quadctl.model import load_model
 
     loaded = load_model(vehicle).vehicle
-    records = [record_of(log, loaded) for log in without_copies([read_imu_log(path) for path in logs])]
+    records = [
+        record for log in without_copies([read_imu_log(path) for path in logs]) for record in records_of(log, loaded)
+    ]
     with console.status("estimating"):
         found = fit_rotation(records, loaded)
     console.print(answer(found))

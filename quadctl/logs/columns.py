@@ -23,6 +23,8 @@ LATERAL_THROTTLE = ("throttle_x_cmd", "throttle_y_cmd")
 LATERAL_COLUMNS = (*LATERAL_THRUST, *LATERAL_THROTTLE)
 """Lateral commands of a fully actuated flight, forward and right."""
 REFERENCE_COLUMNS = ("x_ref_m", "y_ref_m", "z_ref_m", "vx_ref_m_s", "vy_ref_m_s", "vz_ref_m_s")
+TORQUE = ("roll_torque_cmd", "pitch_torque_cmd", "yaw_torque_cmd")
+"""Torque setpoint about the body axes, as the autopilot's mixer takes it."""
 RESIDUAL_COLUMNS = (
     "residual_x_m_s2",
     "residual_y_m_s2",
@@ -51,6 +53,7 @@ OPTIONAL_COLUMNS = (
     *LATERAL_COLUMNS,
     *RESIDUAL_COLUMNS,
     *HEIGHT_COLUMNS,
+    *TORQUE,
 )
 PHASE_COLUMN = "phase"
 MOTOR_QUANTITIES = ("rpm", "voltage_v", "current_a", "output")

@@ -5,7 +5,8 @@ messages are not among MESSAGES: they are stepped over and never decoded.
 """
 
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -20,11 +21,12 @@ from quadctl.logs.ardupilot import (
     output_finding,
     with_frame,
 )
+from quadctl.logs.columns import TORQUE
 from quadctl.logs.dataflash_records import Message, Records, read_records
 from quadctl.logs.estimator_health import lane_switches, lost_fixes, rejections
 from quadctl.logs.events import Event, mode_changes, parameter_changes, said
 from quadctl.logs.findings import Finding, Kind, finding
-from quadctl.logs.flight_log import RATES, FlightLog, Floats, doubt_of_copy
+from quadctl.logs.flight_log import ATTITUDE, POSITION, RATES, FlightLog, Floats, doubt_of_copy
 from quadctl.logs.merge import Channel, Origin, finite, intervals, merge
 from quadctl.logs.parameter_history import ParameterHistory, change_findings
 from quadctl.thrust_chain.atmosphere import (
@@ -74,8 +76,9 @@ _YAW_RESET = re.compile(r"yaw re-?aligned|yaw alignment complete|yaw reset|yaw a
 """Messages of a reset of the heading."""
 
 
-def read_dataflash(path: Path) -> FlightLog:
-    """Read an ArduPilot DataFlash log.
+def read_dataflash(path: Path, *, of_rotation: bool = False) -> FlightLog:
+    """Read an ArduPilot DataFlash log; `of_rotation` with the gyro, where it comes faster than RATE, and with the
+    controller's outputs in roll, pitch and yaw, each at its own time.
 
     Raises
     ------
@@ -94,7 +97,10 @@ def read_dataflash(path: Path) -> FlightLog:
     channels = list(_channels(messages, history, findings))
     armed_s = _armed(messages)
     findings += [*_doubts(messages, armed_s), *_health(messages)]
-    return merge(channels, Origin(path, NEEDED, meta, findings, armed_s, events=_events(messages, history)))
+    origin = Origin(path, NEEDED, meta, findings, armed_s, events=_events(messages, history))
+    if not of_rotation:
+        return merge(channels, origin)
+    return merge(_of_rotation(messages, channels), replace(origin, row_tolerance_s=0.0))
 
 
 def parameters_in_dataflash(path: Path) -> dict[str, float]:
@@ -202,6 +208,21 @@ def _rates(messages: dict[str, Message]) -> Iterator[Channel]:
     if not throttle and (height := messages.get("CTUN")) is not None:
         share = _in_units(_values(height, "ThO" if "ThO" in height else "ThrOut"), *THROTTLE)
         yield Channel("CTUN", _seconds(height), {"throttle_cmd": share})
+
+
+def _of_rotation(messages: dict[str, Message], channels: Sequence[Channel]) -> list[Channel]:
+    """The channels with the gyro in place of the controller's rates, where it comes faster, and with the outputs of the
+    controller in roll, pitch and yaw; only gyro, motors and controller make rows."""
+    found = [replace(c, makes_rows=False) if c.columns.keys() & {*POSITION, *ATTITUDE} else c for c in channels]
+    rate, imu = messages.get("RATE"), _instance(messages.get("IMU"), 0)
+    if imu is not None and "GyrX" in imu and (rate is None or len(imu["TimeUS"]) > len(rate["TimeUS"])):
+        found = [replace(c, columns={n: v for n, v in c.columns.items() if n not in RATES}) for c in found]
+        rates = {column: _values(imu, f"Gyr{axis}") for column, axis in zip(RATES, "XYZ", strict=True)}
+        found.append(Channel("IMU gyro", _seconds(imu), rates))
+    if rate is not None and "ROut" in rate:
+        outputs = {column: _values(rate, f"{axis}Out") for column, axis in zip(TORQUE, "RPY", strict=True)}
+        found.append(Channel("RATE outputs", _seconds(rate), outputs))
+    return found
 
 
 def _battery(messages: dict[str, Message]) -> tuple[str, Message] | None:

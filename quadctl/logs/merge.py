@@ -62,6 +62,8 @@ class Origin:
     events: list[Event] = field(default_factory=list)
     required: tuple[str, ...] = (*POSITION, *VELOCITY, *ATTITUDE)
     """Columns without which there is no log."""
+    row_tolerance_s: float = ROW_TOLERANCE_S
+    """Time within which updates share a row."""
 
 
 def merge(channels: Iterable[Channel], origin: Origin) -> FlightLog:
@@ -81,11 +83,16 @@ def merge(channels: Iterable[Channel], origin: Origin) -> FlightLog:
         raise LogError(
             f"{origin.path}: holds no values of {_reasoned(missing, there, origin)}{doubt_of_copy(findings)}"
         )
-    clock = row_times(np.concatenate([channel.time_s for channel in kept if channel.makes_rows]))
+    clock = row_times(
+        np.concatenate([channel.time_s for channel in kept if channel.makes_rows]), origin.row_tolerance_s
+    )
     columns = {"time_s": np.round(clock - clock[0], 6)}
     for channel in kept:
         fill = averaged if channel.averaged else held
-        columns |= {name: fill(clock, channel.time_s, values) for name, values in channel.columns.items()}
+        columns |= {
+            name: fill(clock, channel.time_s, values, origin.row_tolerance_s)
+            for name, values in channel.columns.items()
+        }
     absent = [name for name in STATE_COLUMNS if name not in columns]
     columns |= {name: np.full(len(clock), np.nan) for name in absent}
     if absent:
@@ -111,38 +118,38 @@ def _reasoned(missing: list[str], there: list[str], origin: Origin) -> str:
     return f"{', '.join(missing)}{''.join(f' ({reason})' for reason in reasons)}, expected {' and '.join(expected)}"
 
 
-def row_times(time_s: Floats) -> Floats:
-    """Times of the rows, increasing: of updates closer than ROW_TOLERANCE_S the first, shape (rows,)."""
+def row_times(time_s: Floats, tolerance_s: float = ROW_TOLERANCE_S) -> Floats:
+    """Times of the rows, increasing: of updates closer than `tolerance_s` the first, shape (rows,)."""
     rows: list[float] = []
     end = -np.inf
     for time in np.unique(time_s).tolist():
         if time > end:
             rows.append(time)
-            end = time + ROW_TOLERANCE_S
+            end = time + tolerance_s
     return np.array(rows)
 
 
-def held(clock_s: Floats, time_s: Floats, values: Floats) -> Floats:
+def held(clock_s: Floats, time_s: Floats, values: Floats, tolerance_s: float = ROW_TOLERANCE_S) -> Floats:
     """`values`, updated at `time_s`, as known at each row: the last update, NaN before the first. Shape (rows,)."""
-    last = _updates_so_far(clock_s, time_s)
+    last = _updates_so_far(clock_s, time_s, tolerance_s)
     return np.where(last > 0, values[np.maximum(last - 1, 0)], np.nan)
 
 
-def averaged(clock_s: Floats, time_s: Floats, values: Floats) -> Floats:
+def averaged(clock_s: Floats, time_s: Floats, values: Floats, tolerance_s: float = ROW_TOLERANCE_S) -> Floats:
     """Mean of the finite `values` since the row before; held where there is none, NaN before the first."""
     finite = np.isfinite(values)
     time_s, values = time_s[finite], values[finite]
-    last = _updates_so_far(clock_s, time_s)
+    last = _updates_so_far(clock_s, time_s, tolerance_s)
     # The first row has no row before: it takes its latest sample, not the mean of all that came earlier.
     before = np.concatenate([np.maximum(last[:1] - 1, 0), last[:-1]])
     new = last > before
     sums = np.concatenate([[0.0], np.cumsum(values)])
     means = (sums[last[new]] - sums[before[new]]) / (last[new] - before[new])
-    return held(clock_s, clock_s[new], means)
+    return held(clock_s, clock_s[new], means, tolerance_s)
 
 
-def _updates_so_far(clock_s: Floats, time_s: Floats) -> NDArray[np.intp]:
-    return np.searchsorted(time_s, clock_s + ROW_TOLERANCE_S, side="right")
+def _updates_so_far(clock_s: Floats, time_s: Floats, tolerance_s: float) -> NDArray[np.intp]:
+    return np.searchsorted(time_s, clock_s + tolerance_s, side="right")
 
 
 def _with_increasing_time(channel: Channel, findings: list[Finding]) -> Channel:

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from quadctl.errors import LogError
 from quadctl.files import reading
-from quadctl.logs.flight_log import RATES, FlightLog
+from quadctl.logs.flight_log import FlightLog
 from quadctl.logs.formats import HEAD_BYTES, MAP_SUFFIX, MAPPED, TABLES, format_of, format_of_folder
 
 _NO_LOGS = {
@@ -41,18 +41,24 @@ def read_log(path: Path | str) -> FlightLog:
 
 
 def read_imu_log(path: Path | str) -> FlightLog:
-    """The flight log in `path`, in which position, velocity and attitude may be missing where it is a ULog of PX4.
+    """The flight log in `path` with all that an autopilot's own log tells of rotation: gyro and torque setpoint at
+    their own times. In a ULog of PX4 position, velocity and attitude may be missing.
 
     Raises
     ------
     LogError
         As `read_log`; or it holds no body rates.
     """
+    from quadctl.logs.dataflash import read_dataflash
+    from quadctl.logs.dataflash_records import is_dataflash
     from quadctl.logs.ulog import is_ulog, read_ulog
 
     path = Path(path)
     require_file(path)
-    return read_ulog(path, RATES) if path.is_file() and is_ulog(_head(path)) else read_log(path)
+    head = _head(path) if path.is_file() else b""
+    if is_ulog(head):
+        return read_ulog(path, of_rotation=True)
+    return read_dataflash(path, of_rotation=True) if is_dataflash(head) else read_log(path)
 
 
 def read_logs(paths: Iterable[Path | str]) -> list[FlightLog]:

@@ -8,6 +8,7 @@ time of the sensor sample it stands for; commands and motor outputs at the time 
 import contextlib
 import io
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, TypeAlias
 
@@ -15,12 +16,12 @@ import numpy as np
 
 from quadctl.errors import LogError
 from quadctl.frames import euler_from_quaternion
-from quadctl.logs.columns import LATERAL_THROTTLE, motor_columns
+from quadctl.logs.columns import LATERAL_THROTTLE, TORQUE, motor_columns
 from quadctl.logs.estimator_health import lane_switches, lost_fixes, rejections
 from quadctl.logs.events import PX4_MODES, Event, estimator_resets, mode_changes, parameter_changes, said
 from quadctl.logs.findings import Finding, Kind, finding
 from quadctl.logs.flight_log import ATTITUDE, POSITION, RATES, VELOCITY, FlightLog, Floats
-from quadctl.logs.merge import Channel, Origin, finite, intervals, merge
+from quadctl.logs.merge import ROW_TOLERANCE_S, Channel, Origin, finite, intervals, merge
 from quadctl.logs.parameter_history import ParameterHistory, change_findings
 from quadctl.logs.ulog_end import is_cut_short
 from quadctl.thrust_chain.chain import Ambient, bent
@@ -39,6 +40,7 @@ TOPICS = (
     "battery_status",
     "vehicle_attitude_setpoint",
     "vehicle_thrust_setpoint",
+    "vehicle_torque_setpoint",
     "actuator_armed",
     "vehicle_status",
     "estimator_status",
@@ -73,6 +75,8 @@ MAGIC = b"ULog\x01\x12\x35"
 NEEDED = "vehicle_local_position and vehicle_attitude"
 STATE = (*POSITION, *VELOCITY, *ATTITUDE)
 
+INTEGRATED_GYRO = "sensor_combined gyro"
+"""Source of rates that PX4 integrates by trapezoids from one to the next (`Integrator::put`)."""
 FIRST_MOTOR_FUNCTION = 101
 """PX4's output function of motor 1."""
 MAX_MOTORS = 12
@@ -114,13 +118,16 @@ def is_ulog(head: bytes) -> bool:
     return head.startswith(MAGIC)
 
 
-def read_ulog(path: Path, required: tuple[str, ...] = STATE) -> FlightLog:
-    """Read a PX4 ULog that holds the columns `required`.
+def read_ulog(path: Path, *, of_rotation: bool = False) -> FlightLog:
+    """Read a PX4 ULog: of the whole state, or `of_rotation`, where body rates are enough.
+
+    Of rotation, rates are those of the gyro before PX4's filters, where they come as fast, each at its own time, and
+    the torque setpoint is read too.
 
     Raises
     ------
     LogError
-        The file cannot be read, is no ULog, or holds no position, velocity or attitude.
+        The file cannot be read, is no ULog, or holds no position, velocity or attitude; or no body rates.
     """
     log = _parsed(path)
     findings: list[Finding] = []
@@ -135,7 +142,7 @@ def read_ulog(path: Path, required: tuple[str, ...] = STATE) -> FlightLog:
         findings.append(finding(Kind.LOST_BY_LOGGER, times=len(log.dropouts), seconds=lost))
     instances = ((data.name, data.data) for data in log.data_list)
     history, release = _history(log), log.msg_info_dict.get("ver_sw_release")
-    return log_of_instances(path, instances, history, release, findings, _said(log, history), required)
+    return log_of_instances(path, instances, history, release, findings, _said(log, history), of_rotation=of_rotation)
 
 
 def log_of_instances(
@@ -145,7 +152,8 @@ def log_of_instances(
     release: object,
     findings: list[Finding],
     events: Sequence[Event],
-    required: tuple[str, ...] = STATE,
+    *,
+    of_rotation: bool = False,
 ) -> FlightLog:
     """The flight log in PX4's topics, of which several instances may have the same name; the first is the primary.
 
@@ -171,7 +179,7 @@ def log_of_instances(
     if "actuator_motors" not in topics and "CA_ROTOR_COUNT" not in parameters:  # PX4 1.12 and before
         topics |= _motors_from_outputs(outputs, history, findings)
     _remove_battery_scale(topics, history, findings)
-    return log_of_topics(path, topics, meta, findings, events, required)
+    return log_of_topics(path, topics, meta, findings, events, of_rotation=of_rotation)
 
 
 def parameters_in_ulog(path: Path) -> dict[str, float]:
@@ -191,7 +199,8 @@ def log_of_topics(
     meta: dict[str, Any],
     findings: list[Finding],
     events: Sequence[Event] = (),
-    required: tuple[str, ...] = STATE,
+    *,
+    of_rotation: bool = False,
 ) -> FlightLog:
     """The flight log in PX4's topics, by their names in a ULog: arrays of shape (n,) by the names of their fields.
 
@@ -205,6 +214,10 @@ def log_of_topics(
     armed = topics.get("actuator_armed")
     periods = [] if armed is None else intervals(_seconds(armed, "timestamp"), _values(armed, "armed") > 0)
     channels = list(_channels(topics, findings))
+    required: tuple[str, ...] = RATES if of_rotation else STATE
+    tolerance_s = 0.0 if of_rotation else ROW_TOLERANCE_S
+    if of_rotation:
+        channels = _of_rotation(topics, channels)
     position = topics.get("vehicle_local_position", {})
     invalid = _invalid(position, findings)
     resets = [
@@ -217,7 +230,8 @@ def log_of_topics(
     status = topics.get("vehicle_status")
     if status is not None and "nav_state" in status:
         events = [*events, *mode_changes(_seconds(status, "timestamp"), status["nav_state"].tolist(), PX4_MODES)]
-    return merge(channels, Origin(path, NEEDED, meta, findings, periods, invalid, [*events, *resets], required))
+    origin = Origin(path, NEEDED, meta, findings, periods, invalid, [*events, *resets], required, tolerance_s)
+    return merge(channels, origin)
 
 
 def _history(log: Any) -> ParameterHistory:
@@ -356,7 +370,7 @@ def _rates_and_imu(topics: dict[str, _Topic]) -> Iterator[Channel]:
         yield Channel("vehicle_angular_velocity", _sampled(topic), _xyz(topic, "xyz", RATES))
     elif combined is not None:
         gyro = _xyz(combined, "gyro_rad", RATES)
-        yield Channel("sensor_combined gyro", _seconds(combined, "timestamp"), gyro, makes_rows=False, averaged=True)
+        yield Channel(INTEGRATED_GYRO, _seconds(combined, "timestamp"), gyro, makes_rows=False, averaged=True)
     if combined is not None:
         # Relative to the gyro's time stamp, and INT32_MAX where there is no accelerometer sample.
         field = "accelerometer_timestamp_relative"
@@ -368,6 +382,24 @@ def _rates_and_imu(topics: dict[str, _Topic]) -> Iterator[Channel]:
     elif (topic := topics.get("vehicle_acceleration")) is not None:
         imu = _xyz(topic, "xyz", IMU)
         yield Channel("vehicle_acceleration", _sampled(topic), imu, makes_rows=False, averaged=True)
+
+
+def _of_rotation(topics: dict[str, _Topic], channels: Sequence[Channel]) -> list[Channel]:
+    """The channels with the gyro before PX4's filters in place of the rates after them, where it comes as fast, and
+    with the torque setpoint; only gyro, motors and commands make rows."""
+    filtered, combined = topics.get("vehicle_angular_velocity"), topics.get("sensor_combined")
+    found = [replace(c, makes_rows=False) if c.columns.keys() & {*POSITION, *ATTITUDE} else c for c in channels]
+    if combined is not None and (filtered is None or len(combined["timestamp"]) >= len(filtered["timestamp"])):
+        found = [c for c in found if not c.columns.keys() & set(RATES)]
+        rates = _xyz(combined, "gyro_rad", RATES)
+        found.append(Channel(INTEGRATED_GYRO, _seconds(combined, "timestamp"), rates))
+    controls = topics.get("actuator_controls_0")
+    if (torque := topics.get("vehicle_torque_setpoint")) is not None:
+        found.append(Channel("vehicle_torque_setpoint", _seconds(torque, "timestamp"), _xyz(torque, "xyz", TORQUE)))
+    elif controls is not None:
+        setpoint = _xyz(controls, "control", TORQUE)
+        found.append(Channel("actuator_controls_0 torque", _seconds(controls, "timestamp"), setpoint))
+    return found
 
 
 def _motors(topics: dict[str, _Topic], findings: list[Finding]) -> Iterator[Channel]:

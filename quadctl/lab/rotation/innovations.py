@@ -28,6 +28,8 @@ FEW_FLIGHTS = 8
 PREDICTABLE = 0.1
 """Largest share of the innovations' variance that one of the five before may predict, where they pass for white."""
 STEP = 1e-4
+SENSOR_NOISE = (-4.0, -2.0, 0.0, 2.0)
+"""Logarithms of the sensor's noise that are tried as a start: a search that begins far off rests where it is."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,6 +40,9 @@ class Regression:
     wanted: Floats
     shared: Floats
     own: Floats
+    instruments: Floats | None = None
+    """What the errors are independent of, in place of each shared column, shape (n, p): where a column answers the
+    disturbance before the sensor shows it."""
 
 
 @dataclass(frozen=True)
@@ -77,6 +82,30 @@ def first_order(forcing: Floats, rate_1_s: float, step_s: float) -> Floats:
     mean = (1.0 - decay) / z if abs(z) > 1e-5 else 1.0 - z / 2.0
     late = (1.0 - mean) / z if abs(z) > 1e-5 else 0.5 - z / 6.0
     return np.asarray(lfilter([step_s * late, step_s * (mean - late)], [1.0, -decay], forcing, axis=-1))
+
+
+def held_response(command: Floats, rate_1_s: float, lag_s: float, step_s: float, ahead_s: float = 0.0) -> Floats:
+    """Solution of x' = -rate x + y, lag y' = command - y from x = 0 and y at rest, shape (n,), `ahead_s` after each
+    sample: exact where each command, shape (n,), is held over the step until its sample, and on."""
+    own = command - command[0]
+
+    def followed(decay_1_s: float) -> Floats:
+        x = lfilter([_held(decay_1_s, step_s)], [1.0, -np.exp(-decay_1_s * step_s)], own)
+        return np.asarray(np.exp(-decay_1_s * ahead_s) * x + _held(decay_1_s, ahead_s) * own)
+
+    steady = first_order(np.full(len(command), command[0]), rate_1_s, step_s)
+    if lag_s < 0.01 * step_s:
+        return followed(rate_1_s) + steady
+    # Partial fractions of 1 / ((s + rate) (1 + lag s)); they part where both poles are the same.
+    pole = 1.0 / lag_s
+    rate_1_s = rate_1_s if abs(rate_1_s / pole - 1.0) > 1e-4 else rate_1_s * 1.0002
+    return (followed(rate_1_s) - followed(pole)) / (1.0 - rate_1_s * lag_s) + steady
+
+
+def _held(decay_1_s: float, time_s: float) -> float:
+    """Integral of the decay over a time: (1 - exp(-decay time)) / decay."""
+    z = decay_1_s * time_s
+    return float(time_s * -np.expm1(-z) / z) if abs(z) > 1e-5 else time_s * (1.0 - z / 2.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -157,31 +186,38 @@ def estimate(
 ) -> Estimated:
     """Estimate the parameters `names`, of the size `scale`, from `start` within `bounds`, and the linear ones `shared`.
 
-    The intervals are a sandwich over blocks of `block_rows` samples, or over flights where they are many (White 1982,
-    Econometrica 50(1)), with Student's t of their number: they hold where the innovations' variance changes.
+    The linear ones hold the errors apart from their instruments, where they have some (instrumental variables, Ljung
+    1999, ch. 7.6). The intervals are a sandwich over blocks of `block_rows` samples, or over flights where they are
+    many (White 1982, Econometrica 50(1)), with Student's t of their number: they hold where the innovations' variance
+    changes.
     """
 
     def errors_at(x: Floats) -> Floats:
-        wanted, design = _stacked(regress(x))
+        wanted, design, _ = _stacked(regress(x))
         return np.asarray(wanted - design @ solved(design, wanted))
 
+    at = list(names).index("log_sensor")
+    tried = [np.where(np.arange(len(start)) == at, level, start) for level in (start[at], *SENSOR_NOISE)]
+    start = min(tried, key=lambda x: float(np.sum(errors_at(x) ** 2)))
     steps = np.full(len(start), 1e-4)
-    found = least_squares(errors_at, start, bounds=bounds, x_scale=scale, diff_step=steps, ftol=1e-7)
+    found = least_squares(errors_at, start, bounds=bounds, x_scale=scale, diff_step=steps, ftol=1e-6)
     flights = regress(found.x)
-    wanted, design = _stacked(flights)
-    linear = solved(design, wanted)
-    errors = wanted - design @ linear
-    full = np.column_stack([*(_slope(regress, found.x, i, linear) for i in range(len(start))), design])
+    wanted, design, instruments = _stacked(flights)
     block = _blocks([len(f.wanted) for f in flights], block_rows)
-    size = np.maximum(np.linalg.norm(full, axis=0), 1e-300)
-    full /= size
-    bread = np.linalg.pinv(full.T @ full, rcond=1e-12)
-    scores = np.zeros((block[-1] + 1, full.shape[1]))
-    np.add.at(scores, block, full * errors[:, None])
-    count = len(scores)
-    covariance = bread @ (scores.T @ scores) @ bread * count / max(count - 1, 1)
-    reach = float(student.ppf(0.975, max(count - 1, 1)))
-    half = reach * np.sqrt(np.maximum(np.diag(covariance), 0.0)) / size
+    plain = solved(design, wanted)
+    slopes = [_slope(regress, found.x, i, plain) for i in range(len(start))]
+    moved = _influences(np.column_stack([*slopes, design]), wanted - design @ plain, block)
+    linear, errors = plain, wanted - design @ plain
+    if any(f.instruments is not None for f in flights):
+        linear = solved(design, wanted, instruments)
+        errors = wanted - design @ linear
+        # What the parameters before miss by, these miss by, too.
+        cross = instruments.T @ np.column_stack([np.zeros((len(wanted), 0)), *slopes])
+        own = _by_block(instruments * errors[:, None], block) - moved[:, : len(start)] @ cross.T
+        moved[:, len(start) :] = np.linalg.lstsq(instruments.T @ design, own.T, rcond=1e-13)[0].T
+    count = len(moved)
+    variance = np.sum(moved**2, axis=0) * count / max(count - 1, 1)
+    half = float(student.ppf(0.975, max(count - 1, 1))) * np.sqrt(variance)
     named = {
         name: Value(float(v), float(v - h), float(v + h))
         for name, v, h in zip([*names, *shared], [*found.x, *linear], half, strict=True)
@@ -192,31 +228,56 @@ def estimate(
     return Estimated(named, float(np.std(errors)), correlation, len(errors), at_bound)
 
 
-def _stacked(flights: Sequence[Regression]) -> tuple[Floats, Floats]:
-    """Wanted signal, shape (n,), and shared columns, shape (n, p), without what each flight's own columns
-    explain (Frisch & Waugh 1933): the shared parameters and their scores stay the same."""
+def _influences(slopes: Floats, errors: Floats, block: NDArray[np.int64]) -> Floats:
+    """What each block of samples moves the parameters by, shape (blocks, p), of least squares whose predictions have
+    these slopes, shape (n, p), and these errors, shape (n,)."""
+    size = np.maximum(np.linalg.norm(slopes, axis=0), 1e-300)
+    unit = slopes / size
+    bread = np.linalg.pinv(unit.T @ unit, rcond=1e-12)
+    return np.asarray(_by_block(unit * errors[:, None], block) @ bread / size)
+
+
+def _by_block(rows: Floats, block: NDArray[np.int64]) -> Floats:
+    """Sums of rows, shape (n, p), over blocks, shape (blocks, p)."""
+    sums = np.zeros((int(block[-1]) + 1, rows.shape[1]))
+    np.add.at(sums, block, rows)
+    return sums
+
+
+def _stacked(flights: Sequence[Regression]) -> tuple[Floats, Floats, Floats]:
+    """Wanted signal, shape (n,), shared columns and their instruments, each of shape (n, p), without what each flight's
+    own columns explain (Frisch & Waugh 1933): the shared parameters and their scores stay the same."""
     parts = []
     for f in flights:
         basis = np.linalg.qr(f.own)[0]
-        both = np.column_stack([f.wanted, f.shared])
-        parts.append(both - basis @ (basis.T @ both))
+        every = np.column_stack([f.wanted, f.shared, f.shared if f.instruments is None else f.instruments])
+        parts.append(every - basis @ (basis.T @ every))
     joined = np.concatenate(parts)
-    return joined[:, 0], joined[:, 1:]
+    columns = (joined.shape[1] - 1) // 2
+    return joined[:, 0], joined[:, 1 : 1 + columns], joined[:, 1 + columns :]
 
 
-def solved(design: Floats, wanted: Floats) -> Floats:
-    """Least squares, shape (p,), of columns of any size."""
+def solved(design: Floats, wanted: Floats, instruments: Floats | None = None) -> Floats:
+    """Least squares, shape (p,), of columns of any size; or by instruments, of the same shape as the design."""
     size = np.maximum(np.linalg.norm(design, axis=0), 1e-300)
     unit = design / size
-    return np.asarray(np.linalg.lstsq(unit.T @ unit, unit.T @ wanted, rcond=1e-13)[0] / size)
+    held = unit if instruments is None else instruments / size
+    return np.asarray(np.linalg.lstsq(held.T @ unit, held.T @ wanted, rcond=1e-13)[0] / size)
 
 
 def _slope(regress: Callable[[Floats], Sequence[Regression]], at: Floats, i: int, linear: Floats) -> Floats:
     """Slope of what is predicted over parameter `i`, the linear ones held, shape (n,)."""
     step = np.zeros(len(at))
     step[i] = STEP * max(abs(at[i]), 1e-2)
-    (more, by_more), (less, by_less) = (_stacked(regress(at + sign * step)) for sign in (1.0, -1.0))
+    (more, by_more, _), (less, by_less, _) = (_stacked(regress(at + sign * step)) for sign in (1.0, -1.0))
     return np.asarray(((less - by_less @ linear) - (more - by_more @ linear)) / (2.0 * step[i]))
+
+
+def earlier(columns: Floats, rows: int) -> Floats:
+    """Columns, shape (n, p), of so many rows before; 0 where there are none."""
+    late = np.zeros_like(columns)
+    late[rows:] = columns[: max(len(columns) - rows, 0)]
+    return late
 
 
 def _blocks(lengths: Sequence[int], rows: int) -> NDArray[np.int64]:

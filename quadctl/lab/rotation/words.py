@@ -1,11 +1,12 @@
 """Words for what flights tell of a vehicle's rotation, made once, at the edge."""
 
+import numpy as np
 from rich.console import Group, RenderableType
 from rich.table import Table
 from rich.text import Text
 
 from quadctl.lab.rotation.innovations import Value
-from quadctl.lab.rotation.parameters import Rotation
+from quadctl.lab.rotation.parameters import MOST_UNKNOWN, Rotation
 
 ROWS = (
     ("gain", "moment gain", "rad/s² per weight of thrust difference"),
@@ -14,6 +15,8 @@ ROWS = (
     ("airspeed", "moment by airspeed", "rad/s² per m/s"),
     ("lag_s", "rotor lag", "s"),
 )
+INERTIA = ("inertia", "kg m²")
+"""Name and unit of the row of the moments of inertia."""
 
 
 def answer(found: Rotation) -> RenderableType:
@@ -26,6 +29,8 @@ def answer(found: Rotation) -> RenderableType:
     for key, name, unit in ROWS:
         if any(key in values for values in told.values()):
             table.add_row(name, *(_shown(values.get(key)) for values in told.values()), unit)
+    if found.inertia:
+        table.add_row(INERTIA[0], *(_shown(found.inertia.get(axis)) for axis in found.axes), INERTIA[1])
     said = Text("\n".join([*_thrust(found), *_untold(found)]))
     return Group(table, said) if table.rows else said
 
@@ -36,9 +41,18 @@ def _shown(value: Value | None) -> str:
 
 def _thrust(found: Rotation) -> list[str]:
     lines = []
-    share = ", ".join(f"{100.0 * (s - 1.0):+.1f} %" for s in found.share)
     kind = "squared speed, krpm²," if found.measured else "output"
-    lines.append(f"Mean {kind} in flight: {found.hover_drive:.3g}; the rotors' own: {share}.")
+    lines.append(f"Mean {kind} in flight: {found.hover_drive:.3g}.")
+    if found.level is not None:
+        lines.append(f"Mean {kind} in level hover: {_shown(found.level)}.")
+    half = found.share_half
+    if half is not None and np.all(np.isfinite(half)):
+        own = ", ".join(f"{100 * (s - 1):+.1f} ± {100 * h:.1f} %" for s, h in zip(found.share, half, strict=True))
+        lines.append(
+            f"The rotors' own, beyond the mean: {own}; by unequal rotors, or by a centre of mass off the middle."
+        )
+    if found.lag is not None:
+        lines.append(f"Rotor lag by roll and pitch: {_shown(found.lag)} s.")
     if found.thrust.found is not None and not found.measured:
         by = "output times voltage" if found.thrust.by_voltage else kind
         lines.append(f"Thrust map: 1 % more {by} gives {_shown(found.thrust.found)} % of the weight more thrust.")
@@ -60,6 +74,8 @@ def _untold(found: Rotation) -> list[str]:
         lines.append("Not told without velocity: drag and the moment by airspeed. These sensors never tell the mass.")
     for axis, fit in found.axes.items():
         if not found.told(axis):
+            changed = found.unknown.get(axis, 0.0) >= MOST_UNKNOWN
             why = "its prediction errors are correlated" if not fit.white else "the commands hardly turned it"
+            why = "its commands change between their samples; log them faster" if changed else why
             lines.append(f"Not told about {axis}: {why}.")
     return lines
