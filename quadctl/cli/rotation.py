@@ -8,8 +8,8 @@ import typer
 from quadctl.cli.app import app, console
 from quadctl.cli.inputs import find
 from quadctl.cli.lab import LogArguments
-from quadctl.cli.output import JsonOption, write_json
-from quadctl.cli.overwriting import Reads
+from quadctl.cli.output import JsonOption, print_saved, write_json
+from quadctl.cli.overwriting import Reads, Writes
 
 
 @app.command()
@@ -19,23 +19,33 @@ def rotation(
     ],
     logs: LogArguments,
     json_out: JsonOption = None,
+    output: Annotated[
+        Path | None,
+        Writes(),
+        typer.Option("-o", "--output", metavar="NEW.yaml", help="Save a model that turns as these flights do."),
+    ] = None,
 ) -> None:
     """Identify the rotational dynamics from logs.
 
     Moment gains, rotor lag, damping and thrust map follow from commands and IMU; a position is not needed.
     """
+    from quadctl.lab.rotation.model import with_rotation
     from quadctl.lab.rotation.parameters import fit_rotation
     from quadctl.lab.rotation.records import records_of
     from quadctl.lab.rotation.words import answer
     from quadctl.logs.read import read_imu_log
     from quadctl.logs.record.copies import without_copies
-    from quadctl.model import load_model
+    from quadctl.model import load_model, save_model
 
-    loaded = load_model(vehicle).vehicle
+    model = load_model(vehicle)
+    loaded = model.vehicle
     records = [
         record for log in without_copies([read_imu_log(path) for path in logs]) for record in records_of(log, loaded)
     ]
     with console.status("estimating"):
         found = fit_rotation(records, loaded)
     console.print(answer(found))
+    if output is not None:
+        save_model(with_rotation(model, found), output)
+        print_saved(output)
     write_json(json_out, found.to_dict())

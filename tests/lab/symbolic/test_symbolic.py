@@ -1,8 +1,8 @@
 """Formulas for what no effect of the catalogue explains: found if it is there, none if it is not, usable in flight."""
 
 import json
-import re
 import math
+import re
 import warnings
 from collections.abc import Callable
 from dataclasses import dataclass, replace

@@ -1,0 +1,85 @@
+"""A model that turns as flights do: numbers of the vehicle, and effects on the moments."""
+
+from dataclasses import replace
+
+from pydantic import ValidationError
+
+from quadctl.effects import Effect
+from quadctl.effects.airspeed_moment import IsotropicMoment
+from quadctl.effects.rate_damping import ProportionalDamping
+from quadctl.errors import SettingsError
+from quadctl.lab.rotation.innovations import Value
+from quadctl.lab.rotation.parameters import AXES, Rotation, together
+from quadctl.model import Model, Provenance
+from quadctl.vehicle import Vehicle
+
+
+def with_rotation(model: Model, found: Rotation) -> Model:
+    """The model with all that the flights identify of its rotation; the rest stays.
+
+    Inertia and, where commands were logged, the rotors' lag are numbers of the vehicle, which the new file holds
+    itself; `rate_damping` and `airspeed_moment` are effects, and take the place of those in the model, as far as their
+    intervals leave out 0. The moment by airspeed has one coefficient for roll and pitch, weighted by their intervals.
+
+    Raises
+    ------
+    SettingsError
+        Nothing is identified, or no body has such an inertia.
+    """
+    effects = [effect for effect in (_damping(found), _airspeed(found, model.vehicle)) if effect is not None]
+    vehicle = _vehicle(model.vehicle, found)
+    if not effects and vehicle == model.vehicle:
+        raise SettingsError(
+            f"{', '.join(found.names)}: nothing of the rotation is identified, so there is no new model"
+        )
+    families = {effect.family() for effect, _ in effects}
+    kept = replace(model, stack=tuple(item for item in model.stack if item.effect.family() not in families))
+    for effect, ci95 in effects:
+        kept = kept.plus(effect, Provenance(logs=found.names, ci95=ci95))
+    return replace(kept, vehicle=vehicle, vehicle_path=None)
+
+
+def _vehicle(vehicle: Vehicle, found: Rotation) -> Vehicle:
+    own = dict(zip(AXES, vehicle.principal_inertia_kg_m2, strict=True))
+    inertia = own | {axis: value.value for axis, value in found.inertia.items()}
+    written = vehicle.model_dump(exclude_none=True)
+    if found.inertia:
+        written["inertia_kg_m2"] = tuple(inertia.values())
+    if found.lag is not None and not found.measured:
+        written["rotor"]["time_constant_s"] = found.lag.value
+    try:
+        return Vehicle.model_validate(written)
+    except ValidationError as error:
+        shown = ", ".join(f"{axis} {value:.3g}" for axis, value in inertia.items())
+        raise SettingsError(
+            f"{', '.join(found.names)}: the inertia would be {shown} kg m², expected that of a body: look at "
+            "the arms and torque_to_thrust_m of the vehicle file"
+        ) from error
+
+
+Fitted = tuple[Effect, dict[str, tuple[float, float]]]
+"""An effect, and the 95 % intervals of its parameters."""
+
+
+def _damping(found: Rotation) -> Fitted | None:
+    told = {axis: found.told(axis).get("damping_1_s") for axis in AXES}
+    values = {f"{axis}_1_s": value for axis, value in told.items() if value is not None and value.low > 0.0}
+    if not values:
+        return None
+    effect = ProportionalDamping(**{name: value.value for name, value in values.items()})
+    return effect, {name: (value.low, value.high) for name, value in values.items()}
+
+
+def _airspeed(found: Rotation, vehicle: Vehicle) -> Fitted | None:
+    """Moment by airspeed over the weight, mm per m/s: against roll, with pitch."""
+    one = []
+    for axis, sign in (("roll", -1.0), ("pitch", 1.0)):
+        told = found.told(axis)
+        if "airspeed" in told and axis in found.inertia:
+            scale = sign * 1e3 * found.inertia[axis].value / vehicle.weight_n
+            low, high = sorted((scale * told["airspeed"].low, scale * told["airspeed"].high))
+            one.append(Value(scale * told["airspeed"].value, low, high))
+    if not one:
+        return None
+    k = together(one)
+    return None if k.low <= 0.0 <= k.high else (IsotropicMoment(k.value), {"k": (k.low, k.high)})
