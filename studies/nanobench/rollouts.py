@@ -8,19 +8,20 @@ from numpy.typing import NDArray
 
 from quadctl.frames import quaternion_from_euler
 from quadctl.lab.arrays import Floats
-from quadctl.lab.rotation.parameters import Rotation, differences, fit_rotation
-from quadctl.lab.rotation.records import Delayed, Record, record_of
-from quadctl.lab.rotation.regression import change, changed, features, fit_ridge
+from quadctl.lab.rotation.forecast import Forecast, fit_forecast
+from quadctl.lab.rotation.parameters import Rotation, fit_rotation
+from quadctl.lab.rotation.records import Record, record_of
+from quadctl.lab.rotation.regression import change, changed, fit_ridge, future_features, past_features
 from quadctl.lab.rotation.rollout import (
     HORIZONS_S,
-    Disturbance,
-    Driven,
+    Commands,
+    Late,
     Physics,
     State,
     Track,
+    commands_of,
     errors,
     fit_disturbances,
-    fit_forecasts,
     held,
     observe,
     roll_out,
@@ -101,17 +102,18 @@ class Fitted:
             ),
         )
 
-    def driven(self, track: Track) -> Driven:
-        """Commands of a flight after the fitted delay and lag; those of the thrust are the mean of roll and pitch."""
-        relative = track.command / self.rotation.hover_drive
-        split = differences(relative, self.rotation.thrust.value, self.vehicle)
-        late = [(a.values["delay_s"].value, a.values["lag_s"].value) for a in self.rotation.axes.values()]
-        own, mean = relative - 1.0, np.mean(late[:2], axis=0)
-        return Driven(
-            np.stack([Delayed(split[:, i], track.step_s).by(*late[i]) for i in range(3)], axis=1),
-            Delayed(own.mean(axis=1), track.step_s).by(*mean),
-            Delayed((own**2).mean(axis=1), track.step_s).by(*mean),
-        )
+    @property
+    def late(self) -> tuple[Late, ...]:
+        return tuple(Late(a.values["delay_s"].value, a.values["lag_s"].value) for a in self.rotation.axes.values())
+
+    @property
+    def thrust_late(self) -> Late:
+        """Of the thrust: the mean of roll and pitch."""
+        roll, pitch, _ = self.late
+        return Late((roll.delay_s + pitch.delay_s) / 2.0, (roll.lag_s + pitch.lag_s) / 2.0)
+
+    def commands(self, track: Track) -> Commands:
+        return commands_of(track, self.rotation.hover_drive, self.rotation.thrust.value, self.vehicle)
 
 
 @dataclass(frozen=True, eq=False)
@@ -127,34 +129,37 @@ def judged(train: Sequence[Flight], test: Sequence[Flight], vehicle: Vehicle) ->
     """Fit all models to the training flights, and compare their rollouts of the test flights with the record."""
     half = train[::2]  # enough for a dozen parameters
     fitted = Fitted(fit_rotation([f.record for f in half], vehicle), vehicle)
-    flights = [*((f, TRAIN_EVERY) for f in train), *((f, TEST_EVERY) for f in test)]
-    driven = {f.track.name: fitted.driven(f.track) for f, _ in flights}
-    known = [f.track for f in half], [driven[f.track.name] for f in half]
+    physics, commands = fitted.physics, {f.track.name: fitted.commands(f.track) for f in (*train, *test)}
+    driven = {name: c.driven(fitted.late, fitted.thrust_late) for name, c in commands.items()}
+    noise = fit_disturbances([f.track for f in half], [driven[f.track.name] for f in half], physics)
+    forecast = fit_forecast(
+        [f.track for f in train], [commands[f.track.name] for f in train], physics, fitted.late, noise
+    )
     steps = [round(h / STEP_S) for h in HORIZONS_S]
-    named = {ESTIMATED: (fitted.physics, fit_disturbances(*known, fitted.physics))}
-    named[FORECAST] = fit_forecasts(*known, fitted.physics)
-    rolled: dict[tuple[str, str], list[State]] = {}
-    observed: dict[str, tuple[Disturbance, Disturbance]] = {}
-    for f, every in flights:
-        name = f.track.name
-        for model, (physics, noise) in named.items():
-            seen = observe(f.track, driven[name], physics, noise)
-            rolled[model, name] = roll_out(f.track, driven[name], physics, seen, f.starts(every), steps)
-            observed[name] = seen
+    rolled = {
+        f.track.name: _Rolled(f, every, forecast, commands[f.track.name], steps)
+        for f, every in (*((f, TRAIN_EVERY) for f in train), *((f, TEST_EVERY) for f in test))
+    }
     found = {name: [np.zeros((len(steps), 4)) for _ in test] for name in MODELS}
+    estimated = [
+        roll_out(f.track, d, physics, observe(f.track, d, physics, noise), f.starts(TEST_EVERY), steps)
+        for f in test
+        for d in [driven[f.track.name]]
+    ]
     for h, k in enumerate(steps):
-        windows = {
-            f.track.name: _windows(f, every, k, rolled[FORECAST, f.track.name][h], observed) for f, every in flights
-        }
-        known_windows = [windows[f.track.name] for f in train]
-        plain = fit_ridge([w.plain for w in known_windows], [w.change for w in known_windows])
-        residual = fit_ridge([w.informed for w in known_windows], [w.change - w.guess for w in known_windows])
+        windows = [rolled[f.track.name].windows(h, k) for f in train]
+        count = windows[0].future.shape[1] + windows[0].guess.shape[1]
+        plain = fit_ridge([w.plain for w in windows], [w.change for w in windows])
+        residual = fit_ridge(
+            [w.informed for w in windows], [w.change - w.guess for w in windows], (count, windows[0].informed.shape[1])
+        )
         for i, f in enumerate(test):
-            w, rows, time_s = windows[f.track.name], f.starts(TEST_EVERY), k * STEP_S
+            w, rows, time_s = rolled[f.track.name].windows(h, k), f.starts(TEST_EVERY), k * STEP_S
             states = {
                 "held": held(f.track, rows, k),
                 "ridge": changed(w.start, plain.predict(w.plain), time_s),
-                **{model: rolled[model, f.track.name][h] for model in named},
+                ESTIMATED: estimated[i][h],
+                FORECAST: rolled[f.track.name].ends[h],
                 CORRECTED: changed(w.start, w.guess + residual.predict(w.informed), time_s),
             }
             for name, state in states.items():
@@ -162,24 +167,45 @@ def judged(train: Sequence[Flight], test: Sequence[Flight], vehicle: Vehicle) ->
     return Judged(fitted.rotation, found)
 
 
+class _Rolled:
+    """Forecasts of one flight, and what a regression sees of it."""
+
+    def __init__(
+        self, flight: Flight, every: int, forecast: Forecast, commands: Commands, steps: Sequence[int]
+    ) -> None:
+        self._track, self._rows = flight.track, flight.starts(every)
+        self.ends = forecast.roll_out(self._track, commands, self._rows, steps)
+        self._seen = forecast.seen(self._track, commands)
+
+    def windows(self, horizon: int, steps: int) -> "_Windows":
+        start = state_at(self._track, self._rows)
+        return _Windows(
+            start,
+            future_features(self._track, self._rows, steps),
+            past_features(self._track, self._rows),
+            change(start, self.ends[horizon], steps * STEP_S),
+            np.hstack([d.slow[self._rows] for d in self._seen]),
+            change(start, state_at(self._track, self._rows + steps), steps * STEP_S),
+        )
+
+
 @dataclass(frozen=True, eq=False)
 class _Windows:
     """Windows of one flight and horizon, as the regressions see them."""
 
     start: State
-    plain: Floats
-    informed: Floats
-    """Inputs of a correction of the physics: also the forecast and the observed disturbances."""
-    change: Floats
+    future: Floats
+    past: Floats
     guess: Floats
+    slow: Floats
+    """Slow moment and force, as the forecast reckons with them."""
+    change: Floats
 
+    @property
+    def plain(self) -> Floats:
+        return np.hstack([self.future, self.past])
 
-def _windows(
-    f: Flight, every: int, steps: int, forecast: State, observed: dict[str, tuple[Disturbance, Disturbance]]
-) -> _Windows:
-    rows = f.starts(every)
-    start, plain = state_at(f.track, rows), features(f.track, rows, steps)
-    guess = change(start, forecast, steps * STEP_S)
-    seen = [d.slow[rows] for d in observed[f.track.name]]
-    true = change(start, state_at(f.track, rows + steps), steps * STEP_S)
-    return _Windows(start, plain, np.hstack([plain, guess, *seen]), true, guess)
+    @property
+    def informed(self) -> Floats:
+        """Inputs of a correction of the physics."""
+        return np.hstack([self.future, self.guess, self.past, self.slow])
