@@ -18,19 +18,27 @@ def rotation(
         Path, Reads(), typer.Argument(metavar="VEHICLE.yaml", help="Vehicle file, for its rotors.", callback=find)
     ],
     logs: LogArguments,
+    rollouts: Annotated[
+        bool, typer.Option("--rollouts", help="Forecast the whole state where no fit saw it; needs a position.")
+    ] = False,
     json_out: JsonOption = None,
 ) -> None:
     """Find moment gains, rotor lag, damping and thrust map from commands and IMU; a position is not needed."""
     from quadctl.lab.rotation.parameters import fit_rotation
     from quadctl.lab.rotation.records import record_of
-    from quadctl.lab.rotation.words import answer
+    from quadctl.lab.rotation.unseen import forecast_unseen
+    from quadctl.lab.rotation.words import answer, forecasts
     from quadctl.logs.read import read_imu_log
     from quadctl.logs.record.copies import without_copies
     from quadctl.model import load_model
 
     loaded = load_model(vehicle).vehicle
-    records = [record_of(log, loaded) for log in without_copies([read_imu_log(path) for path in logs])]
+    read = without_copies([read_imu_log(path) for path in logs])
+    records = [record_of(log, loaded) for log in read]
     with console.status("estimating"):
         found = fit_rotation(records, loaded)
+        unseen = forecast_unseen(read, loaded) if rollouts else None
     console.print(answer(found))
-    write_json(json_out, found.to_dict())
+    if unseen is not None:
+        console.print(forecasts(unseen))
+    write_json(json_out, found.to_dict() | ({"rollouts": unseen.to_dict()} if unseen is not None else {}))

@@ -53,7 +53,7 @@ class Forecast:
     thrust_late: Late
     noise: Disturbances
     lasting: tuple[float, float, float]
-    """Share of the slow moment about each axis that lasts."""
+    """Share of the observed moment about each axis that lasts, as its noise fades."""
 
     def driven(self, commands: Commands) -> Driven:
         return commands.driven((self.late,) * 3, self.thrust_late)
@@ -64,8 +64,11 @@ class Forecast:
         return self._reckoned(before, track), observe_force(track, self.driven(commands), self.physics, self.noise)
 
     def _reckoned(self, before: Floats, track: Track) -> Disturbance:
-        moment = disturbance(before, self.noise.moment, self.past.damping_1_s, track.step_s)
-        return Disturbance(0.0 * moment.quick, np.array(self.lasting) * moment.slow, moment.noise)
+        moment, lasting = (
+            disturbance(before, self.noise.moment, self.past.damping_1_s, track.step_s),
+            np.array(self.lasting),
+        )
+        return Disturbance(lasting * moment.quick, lasting * moment.slow, moment.noise)
 
     def roll_out(self, track: Track, commands: Commands, rows: NDArray[np.intp], steps: Sequence[int]) -> list[State]:
         """States after each of these numbers of steps, ascending, from windows that start at `rows`."""
