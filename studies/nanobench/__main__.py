@@ -84,7 +84,8 @@ def _page(
     Crazyflie 2.1 of NanoBench (Ullah & Baca 2026, arXiv 2603.09908): copies and corrupt ones are left out. From many
     instants the whole state is rolled out with the commands that were sent (windows every 50 ms, mean errors, mean of
     the flights with its 95 % interval). No fit saw the flights that are judged; the physics is fitted to every second
-    of the others, the regressions to all."""
+    of the others, the forecasts and regressions to all. Errors grow with the speed of the flights: compare models on
+    other flights by their ratio to **held**."""
     kinds = f"""- **held**: velocity and body rates stay as they are.
 
     - **ridge**: regression for each horizon on the state, its past 0.3 s and the commands until the
@@ -94,10 +95,11 @@ def _page(
     slow moment. What a simulator may use, which closes the loop itself. Replayed commands that answered
     disturbances, without these, drive it away from the record.
 
-    - **{FORECAST}**: the same form, its slopes, damping and observer fitted to the forecasts. Of these flights only:
-    part of what the commands do answers disturbances that a forecast cannot know.
+    - **{FORECAST}**: the past is explained by the physics as estimated; of what is to come, a share is trusted, with
+    more damping. Shares, lags and the observer are fitted to the forecasts after 0.25 and 0.5 s. Of flights under this
+    controller only, and no what-if: part of what the commands do answers disturbances that a forecast cannot know.
 
-    - **{CORRECTED}**: with a ridge regression of what it leaves."""
+    - **{CORRECTED}**: with a ridge regression of what it leaves, by the same inputs and the forecast."""
     kinds = "- " + "\n- ".join(" ".join(k.split()).removeprefix("- ") for k in kinds.split("\n\n"))
     parameters = """By the prediction-error method on commands, gyro and accelerometer (Ljung 1999, ch. 13), which is
     right in closed loop as far as its model of the noise is. The gain per weight of thrust difference is the slope by
@@ -108,7 +110,9 @@ def _page(
     body rates and rotor outputs (or speeds) at 40 Hz or more; a ULog of PX4 needs no position. Without velocity
     there is no drag and no moment by airspeed, without accelerometer no gain per weight; the mass is never told.
     What is not determined is not printed: axes whose prediction errors are correlated, or whose lag rests at a
-    bound. Log the outputs as fast as the controller writes them: in simulated flights slopes are 5 % small at 125
+    bound. With `--rollouts` it forecasts the whole state of logs with a position, by fits to the others, or each half
+    of one flight by the other half.
+    Log the outputs as fast as the controller writes them: in simulated flights slopes are 5 % small at 125
     Hz, and right at 250 Hz."""
     return "\n\n".join(
         [
