@@ -18,6 +18,9 @@ def rotation(
         Path, Reads(), typer.Argument(metavar="VEHICLE.yaml", help="Vehicle file, for its rotors.", callback=find)
     ],
     logs: LogArguments,
+    rollouts: Annotated[
+        bool, typer.Option("--rollouts", help="Forecast the whole state where no fit saw it; needs a position.")
+    ] = False,
     json_out: JsonOption = None,
     output: Annotated[
         Path | None,
@@ -32,20 +35,22 @@ def rotation(
     from quadctl.lab.rotation.model import with_rotation
     from quadctl.lab.rotation.parameters import fit_rotation
     from quadctl.lab.rotation.records import records_of
-    from quadctl.lab.rotation.words import answer
+    from quadctl.lab.rotation.unseen import forecast_unseen
+    from quadctl.lab.rotation.words import answer, forecasts
     from quadctl.logs.read import read_imu_log
     from quadctl.logs.record.copies import without_copies
     from quadctl.model import load_model, save_model
 
     model = load_model(vehicle)
-    loaded = model.vehicle
-    records = [
-        record for log in without_copies([read_imu_log(path) for path in logs]) for record in records_of(log, loaded)
-    ]
+    read = without_copies([read_imu_log(path) for path in logs])
+    records = [record for log in read for record in records_of(log, model.vehicle)]
     with console.status("estimating"):
-        found = fit_rotation(records, loaded)
+        found = fit_rotation(records, model.vehicle)
+        unseen = forecast_unseen(read, model.vehicle) if rollouts else None
     console.print(answer(found))
+    if unseen is not None:
+        console.print(forecasts(unseen))
     if output is not None:
         save_model(with_rotation(model, found), output)
         print_saved(output)
-    write_json(json_out, found.to_dict())
+    write_json(json_out, found.to_dict() | ({"rollouts": unseen.to_dict()} if unseen is not None else {}))

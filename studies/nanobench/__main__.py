@@ -15,14 +15,14 @@ from quadctl.lab.rotation.words import ROWS
 from quadctl.logs.consistency import complaints
 from quadctl.logs.record.copies import without_copies
 from quadctl.logs.table import read_by_map
-from quadctl.vehicle import load_vehicle
+from quadctl.vehicle import Vehicle, load_vehicle
 from studies.page import DOCS, ROOT, table, wrapped, write_page
 
 from .rollouts import CORRECTED, ESTIMATED, FORECAST, MODELS, Flight, flight_of, judged
 
 PAGE = DOCS / "benchmarks-public.md"
 FOLDS = 3
-FAMILIES = (("B2", "B6", "B7"), ("B3",), ("B5", "B8"), ("B9",))
+FAMILIES = (("B2", "B6", "B7"), ("B3", "B10"), ("B5", "B8"), ("B9",))
 """Shapes of trajectory that are left out together."""
 TOLD_S = 0.5
 HEADINGS = ("model", "position m", "velocity m/s", "rotation rad", "rates rad/s")
@@ -31,30 +31,45 @@ HEADINGS = ("model", "position m", "velocity m/s", "rotation rad", "rates rad/s"
 def main() -> None:
     parser = argparse.ArgumentParser(description="Roll out the flights of NanoBench, and write the page.")
     parser.add_argument("folder", type=Path)
+    parser.add_argument("--test", type=Path, help="judge the flights of this folder by fits to those of the first")
     parser.add_argument("--page", type=Path, default=PAGE)
     arguments = parser.parse_args()
     begin = time.monotonic()
     vehicle = load_vehicle(arguments.folder / "crazyflie21.yaml")
-    logs = [read_by_map(p, ROOT / "config" / "maps" / "nanobench.yaml") for p in sorted(arguments.folder.glob("*.csv"))]
-    flights = [flight_of(log, log.name.split("_")[0], vehicle) for log in without_copies(logs) if not complaints(log)]
-    rotation = fit_rotation([f.record for f in flights], vehicle)
+    n_logs, flights = _flights(arguments.folder, vehicle)
+    if arguments.test is not None:
+        _, test = _flights(arguments.test, vehicle)
+        print(_errors(judged(flights, test, vehicle), HORIZONS_S.index(TOLD_S)))
+        return
+    rotation = fit_rotation([f.flown.record for f in flights], vehicle)
 
-    def errors(test_of: Callable[[int, Flight], int], parts: int) -> dict[str, list[Floats]]:
+    def errors(test_of: Callable[[int, Flight], int]) -> dict[str, list[Floats]]:
         found: dict[str, list[Floats]] = {name: [] for name in MODELS}
-        for part in range(parts):
-            test = [f for i, f in enumerate(flights) if test_of(i, f) == part]
-            train = [f for i, f in enumerate(flights) if test_of(i, f) != part]
-            result = judged(train, test, vehicle)
-            for name, values in result.errors.items():
+        part_of = [test_of(i, f) for i, f in enumerate(flights)]
+        for part in sorted(set(part_of)):
+            test = [f for f, of in zip(flights, part_of, strict=True) if of == part]
+            train = [f for f, of in zip(flights, part_of, strict=True) if of != part]
+            for name, values in judged(train, test, vehicle).items():
                 found[name] += values
-            so_far = {name: np.round(np.mean(values, axis=0)[2], 3) for name, values in found.items()}
-            print(f"part {part + 1} of {parts}", so_far, flush=True)
+            so_far = {name: np.round(np.mean(values, axis=0)[2], 3).tolist() for name, values in found.items()}
+            print(f"part {part + 1}: {so_far}", flush=True)
         return found
 
-    repeated = errors(lambda i, f: i % FOLDS, FOLDS)
-    unseen = errors(lambda i, f: next(n for n, family in enumerate(FAMILIES) if f.shape in family), len(FAMILIES))
-    text = _page(len(logs), len(flights), rotation, repeated, unseen, time.monotonic() - begin)
+    repeated, unseen = errors(lambda i, _: i % FOLDS), errors(lambda _, f: _family(f.shape))
+    text = _page(n_logs, len(flights), rotation, repeated, unseen, time.monotonic() - begin)
     write_page(arguments.page, text)
+
+
+def _flights(folder: Path, vehicle: Vehicle) -> tuple[int, list[Flight]]:
+    """Number of logs in a folder, and the flights of those that are neither copies nor corrupt."""
+    logs = [read_by_map(p, ROOT / "config" / "maps" / "nanobench.yaml") for p in sorted(folder.glob("*.csv"))]
+    kept = [log for log in without_copies(logs) if not complaints(log)]
+    return len(logs), [flight_of(log, log.name.split("_")[0], vehicle) for log in kept]
+
+
+def _family(shape: str) -> int:
+    """Number of the family of a shape; other shapes are one family."""
+    return next((n for n, family in enumerate(FAMILIES) if shape in family), len(FAMILIES))
 
 
 def _page(
@@ -69,7 +84,8 @@ def _page(
     Crazyflie 2.1 of NanoBench (Ullah & Baca 2026, arXiv 2603.09908): copies and corrupt ones are left out. From many
     instants the whole state is rolled out with the commands that were sent (windows every 50 ms, mean errors, mean of
     the flights with its 95 % interval). No fit saw the flights that are judged; the physics is fitted to every second
-    of the others, the regressions to all."""
+    of the others, the forecasts and regressions to all. Errors grow with the speed of the flights: compare models on
+    other flights by their ratio to **held**."""
     kinds = f"""- **held**: velocity and body rates stay as they are.
 
     - **ridge**: regression for each horizon on the state, its past 0.3 s and the commands until the
@@ -79,10 +95,11 @@ def _page(
     slow moment. What a simulator may use, which closes the loop itself. Replayed commands that answered
     disturbances, without these, drive it away from the record.
 
-    - **{FORECAST}**: the same form, its slopes, damping and observer fitted to the forecasts. Of these flights only:
-    part of what the commands do answers disturbances that a forecast cannot know.
+    - **{FORECAST}**: the past is explained by the physics as estimated; of what is to come, a share is trusted, with
+    more damping. Shares, lags and the observer are fitted to the forecasts after 0.25 and 0.5 s. Of flights under this
+    controller only, and no what-if: part of what the commands do answers disturbances that a forecast cannot know.
 
-    - **{CORRECTED}**: with a ridge regression of what it leaves."""
+    - **{CORRECTED}**: with a ridge regression of what it leaves, by the same inputs and the forecast."""
     kinds = "- " + "\n- ".join(" ".join(k.split()).removeprefix("- ") for k in kinds.split("\n\n"))
     parameters = """By the prediction-error method on commands, gyro and accelerometer (Ljung 1999, ch. 13), which is
     right in closed loop as far as its model of the noise is. The gain per weight of thrust difference is the slope by
@@ -93,7 +110,9 @@ def _page(
     body rates and rotor outputs (or speeds) at 40 Hz or more; a ULog of PX4 needs no position. Without velocity
     there is no drag and no moment by airspeed, without accelerometer no gain per weight; the mass is never told.
     What is not determined is not printed: axes whose prediction errors are correlated, or whose lag rests at a
-    bound. Log the outputs as fast as the controller writes them: in simulated flights slopes are 5 % small at 125
+    bound. With `--rollouts` it forecasts the whole state of logs with a position, by fits to the others, or each half
+    of one flight by the other half.
+    Log the outputs as fast as the controller writes them: in simulated flights slopes are 5 % small at 125
     Hz, and right at 250 Hz."""
     return "\n\n".join(
         [

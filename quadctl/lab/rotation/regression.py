@@ -15,19 +15,21 @@ from quadctl.lab.rotation.rollout import State, Track, rotation_vector, turned, 
 
 PAST_S = 0.3
 KNOT_S = 0.05
-"""Spacing at which past states and commands, and future commands, enter."""
-PENALTIES = (1e-4, 1e-3, 1e-2, 1e-1)
+"""Spacing at which past states and commands, and future commands, enter; in the last one each command does, which a
+controller made of the state that is asked for."""
+PENALTIES = (1e-4, 1e-3, 1e-2, 3e-2, 1e-1, 0.3, 1.0, 3.0)
 """Penalties that are tried, over the number of samples, on whole flights left out in turn."""
+FOLDS = 4
+ROUNDS = 3
+"""Rounds of weights, by which a large error counts in proportion to its size."""
+AXES = 3
 DOWN = np.array([[0.0, 0.0, 1.0]])
 
 
-def features(track: Track, rows: NDArray[np.intp], steps: int) -> Floats:
-    """Present state in body axes, its past `PAST_S`, and the commands until the horizon, shape (w, f)."""
-    knot = max(round(KNOT_S / track.step_s), 1)
-    past = range(0, round(PAST_S / track.step_s) + 1, knot)
-    q = track.attitude[rows]
-    parts = []
-    for back in past:
+def past_features(track: Track, rows: NDArray[np.intp]) -> Floats:
+    """Present state in body axes, and its past `PAST_S` with the commands, shape (w, f)."""
+    q, parts = track.attitude[rows], []
+    for back in range(0, round(PAST_S / track.step_s) + 1, _knot(track)):
         at = rows - back
         parts += [
             turned_back(q, track.velocity[at]),
@@ -35,13 +37,20 @@ def features(track: Track, rows: NDArray[np.intp], steps: int) -> Floats:
             track.rates[at],
             track.command[at],
         ]
+    return np.hstack(parts)
+
+
+def future_features(track: Track, rows: NDArray[np.intp], steps: int) -> Floats:
+    """Commands until the horizon, shape (w, f)."""
+    knot = _knot(track)
     sums = np.vstack([np.zeros((1, track.command.shape[1])), np.cumsum(track.command, axis=0)])
-    for begin in range(0, steps, knot):
-        end = min(begin + knot, steps)
-        parts.append((sums[rows + end + 1] - sums[rows + begin + 1]) / (end - begin))
-    speed, tilt, turn = parts[0], parts[1], parts[2]
-    products = [speed[:, [i]] * turn for i in range(3)] + [tilt[:, [i]] * turn for i in range(2)]
-    return np.hstack([*parts, *products])
+    ends = [(begin, min(begin + knot, steps)) for begin in range(0, steps, knot)]
+    means = [(sums[rows + end + 1] - sums[rows + begin + 1]) / (end - begin) for begin, end in ends]
+    return np.hstack([*means, *(track.command[rows + steps - back] for back in range(min(knot + 1, steps)))])
+
+
+def _knot(track: Track) -> int:
+    return max(round(KNOT_S / track.step_s), 1)
 
 
 def change(start: State, end: State, time_s: float) -> Floats:
@@ -80,27 +89,61 @@ class Ridge:
         return np.asarray((x - self.mean) / self.scale @ self.weights + self.offset)
 
 
-def fit_ridge(x: Sequence[Floats], y: Sequence[Floats]) -> Ridge:
-    """Fit to flights, each of shape (w, f) and (w, t); each target has the penalty that predicts left-out flights
-    best."""
-    folds = np.arange(len(x)) % min(4, len(x))
-    trials = []
-    for fold in range(folds.max() + 1) if len(x) > 1 else ():
-        kept = [i for i, f in enumerate(folds) if f != fold]
-        out = [i for i, f in enumerate(folds) if f == fold]
-        x_out, y_out = (np.concatenate([a[i] for i in out]) for a in (x, y))
-        fits = _ridges(np.concatenate([x[i] for i in kept]), np.concatenate([y[i] for i in kept]))
-        trials.append([np.sum((fit.predict(x_out) - y_out) ** 2, axis=0) for fit in fits])
-    fits = _ridges(np.concatenate(x), np.concatenate(y))
-    best = np.argmin(np.sum(trials, axis=0), axis=0) if trials else np.full(y[0].shape[1], len(PENALTIES) - 1)
-    weights = np.stack([fits[p].weights[:, i] for i, p in enumerate(best)], axis=1)
-    return Ridge(fits[0].mean, fits[0].scale, weights, fits[0].offset)
+def fit_ridge(x: Sequence[Floats], y: Sequence[Floats], choices: Sequence[int] = ()) -> Ridge:
+    """Fit to flights, each of shape (w, f) and (w, t).
+
+    Each three targets, the axes of one quantity, have the penalty, and the number of the first columns out of
+    `choices`, that come closest to the flights left out. What counts is the mean size of an error, not of its square.
+    """
+    joined, target = np.concatenate(x), np.concatenate(y)
+    mean, scale = joined.mean(axis=0), np.maximum(joined.std(axis=0), 1e-9)
+    unit = (joined - mean) / scale
+    fold = np.repeat(np.arange(len(x)) % min(FOLDS, len(x)), [len(a) for a in x])
+    weights, offset = np.zeros((unit.shape[1], target.shape[1])), np.zeros(target.shape[1])
+    for first in range(0, target.shape[1], AXES):
+        axes = slice(first, first + AXES)
+        tried = [(_best(unit[:, :n], target[:, axes], fold), n) for n in choices or (unit.shape[1],)]
+        (_, found), n = min(tried, key=lambda t: t[0][0])
+        weights[:n, axes], offset[axes] = found
+    return Ridge(mean, scale, weights, offset)
 
 
-def _ridges(x: Floats, y: Floats) -> list[Ridge]:
-    mean, offset = x.mean(axis=0), y.mean(axis=0)
-    scale = np.maximum(x.std(axis=0), 1e-9)
-    unit = (x - mean) / scale
-    gram, moment = unit.T @ unit, unit.T @ (y - offset)
-    eye = np.eye(len(gram)) * len(x)
-    return [Ridge(mean, scale, np.linalg.solve(gram + p * eye, moment), offset) for p in PENALTIES]
+_Map = tuple[Floats, Floats]
+"""Weights, shape (f, t), and offset, shape (t,)."""
+
+
+def _best(unit: Floats, target: Floats, fold: NDArray[np.intp]) -> tuple[float, _Map]:
+    """Sum of the errors in the flights left out, and the map to the targets, with the best penalty."""
+    count = np.ones(len(unit))
+    for _ in range(ROUNDS):
+        weights, offset = _ridges(_moments(unit, target, count))[PENALTIES.index(1e-2)]
+        size = np.linalg.norm(target - unit @ weights - offset, axis=1)
+        count = 1.0 / np.maximum(np.hypot(size, 0.5 * np.median(size)), 1e-300)
+        count /= count.mean()
+    parts = [_moments(unit[fold == f], target[fold == f], count[fold == f]) for f in range(fold.max() + 1)]
+    total = sum(parts[1:], start=parts[0])
+    left = np.zeros(len(PENALTIES))
+    for f, part in enumerate(parts if len(parts) > 1 else ()):
+        out = fold == f
+        left += [np.linalg.norm(target[out] - unit[out] @ w - b, axis=1).sum() for w, b in _ridges(total - part)]
+    best = int(np.argmin(left)) if len(parts) > 1 else len(PENALTIES) - 1
+    return float(left[best]), _ridges(total)[best]
+
+
+def _moments(unit: Floats, target: Floats, count: Floats) -> Floats:
+    """Weighted sums of products of the columns (1, unit) with (1, unit, target)."""
+    left = np.hstack([np.ones((len(unit), 1)), unit])
+    return np.asarray((left * count[:, None]).T @ np.hstack([left, target]))
+
+
+def _ridges(moments: Floats) -> list[_Map]:
+    """Maps with each of the `PENALTIES`."""
+    f = len(moments)
+    centre = moments[0] / moments[0, 0]
+    gram, product = (
+        moments[1:, s] / moments[0, 0] - np.outer(centre[1:f], centre[s]) for s in (slice(1, f), slice(f, None))
+    )
+    values, vectors = np.linalg.eigh(gram)
+    turned_product = vectors.T @ product
+    maps = [vectors @ (turned_product / (np.maximum(values, 0.0) + p)[:, None]) for p in PENALTIES]
+    return [(weights, centre[f:] - centre[1:f] @ weights) for weights in maps]

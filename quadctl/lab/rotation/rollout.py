@@ -7,6 +7,7 @@ observer knows no later sample than the start.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,7 +16,10 @@ from scipy.signal import lfilter
 
 from quadctl.frames import GRAVITY_M_S2, multiply, rotate
 from quadctl.lab.arrays import Floats
-from quadctl.lab.rotation.innovations import Noise, SteadyFilter, first_order, noise_of, solved
+from quadctl.lab.rotation.innovations import Noise, SteadyFilter, first_order, noise_of
+from quadctl.lab.rotation.parameters import differences
+from quadctl.lab.rotation.records import Delayed
+from quadctl.vehicle import Vehicle
 
 HORIZONS_S = (0.01, 0.1, 0.5, 2.0)
 QUANTITIES = ("position_m", "velocity_m_s", "rotation_rad", "rates_rad_s")
@@ -36,7 +40,15 @@ class Track:
     rates: Floats
     """FRD, rad/s, shape (n, 3)."""
     command: Floats
-    """Command of each rotor over its mean in hover, shape (n, k)."""
+    """Command of each rotor, shape (n, k)."""
+
+
+@dataclass(frozen=True)
+class Late:
+    """How late the rotors follow their commands."""
+
+    delay_s: float
+    lag_s: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,6 +59,33 @@ class Driven:
     differences: Floats
     mean: Floats
     square: Floats
+
+
+@dataclass(frozen=True, eq=False)
+class Commands:
+    """Commands of a flight relative to hover, that can be read late: differences about the three body axes, mean beyond
+    hover, mean square of what each rotor is beyond it."""
+
+    differences: tuple[Delayed, ...]
+    mean: Delayed
+    square: Delayed
+
+    def driven(self, moment: Sequence[Late], thrust: Late) -> Driven:
+        """The commands after delay and lag, which may differ about each axis and along the thrust."""
+        split = [d.by(late.delay_s, late.lag_s) for d, late in zip(self.differences, moment, strict=True)]
+        mean, square = (d.by(thrust.delay_s, thrust.lag_s) for d in (self.mean, self.square))
+        return Driven(np.stack(split, axis=1), mean, square)
+
+
+def commands_of(track: Track, hover: float, elasticity: float, vehicle: Vehicle) -> Commands:
+    """Commands of a flight over the command in hover."""
+    relative, step_s = track.command / hover, track.step_s
+    split, own = differences(relative, elasticity, vehicle), relative - 1.0
+    return Commands(
+        tuple(Delayed(split[:, i], step_s) for i in range(3)),
+        Delayed(own.mean(axis=1), step_s),
+        Delayed((own**2).mean(axis=1), step_s),
+    )
 
 
 @dataclass(frozen=True)
@@ -114,43 +153,52 @@ def turned_by(q: Floats, vector: Floats) -> Floats:
     return np.stack(multiply(tuple(q.T), tuple(part.T)), axis=1)
 
 
-def _unexplained(track: Track, driven: Driven, physics: Physics) -> tuple[Floats, Floats]:
-    """Rates and velocity beyond what the physics gives along the measured states, each of shape (3, n): what is left
-    of the rates damps itself, what is left of the velocity does not."""
+def unexplained_rates(track: Track, driven: Driven, physics: Physics) -> Floats:
+    """Rates beyond what the physics gives along the measured states, shape (3, n); they damp themselves."""
+    forcing = physics.angular(driven.differences, 0.0 * track.rates, turned_back(track.attitude, track.velocity))
+    known = [first_order(f, c, track.step_s) for f, c in zip(forcing.T, physics.damping_1_s, strict=True)]
+    return np.asarray((track.rates - track.rates[0]).T - np.array(known))
+
+
+def unexplained_velocity(track: Track, driven: Driven, physics: Physics) -> Floats:
+    """Velocity beyond what the physics gives along the measured states, shape (3, n)."""
     body = turned_back(track.attitude, track.velocity)
-    damping = np.array(physics.damping_1_s)
-    forcing = physics.angular(driven.differences, 0.0 * track.rates, body)
-    rates = [
-        track.rates[:, i] - track.rates[0, i] - first_order(forcing[:, i], damping[i], track.step_s) for i in range(3)
-    ]
     force = turned(track.attitude, physics.specific(driven.mean, driven.square, body))
     force[:, 2] += GRAVITY_M_S2
-    velocity = track.velocity - track.velocity[0] - first_order(force.T, 0.0, track.step_s).T
-    return np.array(rates), velocity.T
+    return np.asarray((track.velocity - track.velocity[0]).T - first_order(force.T, 0.0, track.step_s))
 
 
 def observe(track: Track, driven: Driven, physics: Physics, noise: "Disturbances") -> tuple[Disturbance, Disturbance]:
     """Slow and quick moment (FRD, rad/s^2) and force (NED, m/s^2) at each sample, from it and those before."""
-    rates, velocity = _unexplained(track, driven, physics)
-    filters = [n.of_rate(c, track.step_s) for n, c in zip(noise.moment, physics.damping_1_s, strict=True)]
-    moment = _states(rates, filters)
-    force = _states(velocity, [n.of_rate(0.0, track.step_s) for n in noise.force])
     return (
-        Disturbance(moment[:, 1].T, moment[:, 2].T, noise.moment),
-        Disturbance(force[:, 1].T, force[:, 2].T, noise.force),
+        disturbance(unexplained_rates(track, driven, physics), noise.moment, physics.damping_1_s, track.step_s),
+        observe_force(track, driven, physics, noise),
     )
 
 
-def _states(signals: Floats, filters: Sequence[SteadyFilter]) -> Floats:
-    """Filtered states, shape (3, states, n), of three signals, shape (3, n)."""
-    transition = np.array([f.transition for f in filters])
-    gain = np.array([f.gain for f in filters])
-    update = np.linalg.solve(transition, gain[:, :, None])[:, :, 0]
-    found, predicted = np.empty((*transition.shape[:2], signals.shape[1])), np.zeros(gain.shape)
-    for k, sample in enumerate(signals.T):
-        found[:, :, k] = predicted + update * (sample - predicted[:, 0])[:, None]
-        predicted = np.einsum("aij,aj->ai", transition, found[:, :, k])
-    return found
+def observe_force(track: Track, driven: Driven, physics: Physics, noise: "Disturbances") -> Disturbance:
+    """Slow and quick force, NED, m/s^2, at each sample, from it and those before."""
+    return disturbance(unexplained_velocity(track, driven, physics), noise.force, (0.0, 0.0, 0.0), track.step_s)
+
+
+def disturbance(
+    signals: Floats, noise: tuple[Noise, ...], damping_1_s: tuple[float, ...], step_s: float
+) -> Disturbance:
+    """Disturbances that move three signals, shape (3, n), each with this damping: steady Kalman filters."""
+    quick: list[Floats] = []
+    slow: list[Floats] = []
+    for signal, one, damping in zip(signals, noise, damping_1_s, strict=True):
+        steady = _steady(one, damping, step_s)
+        innovations = steady.whitened(signal)
+        update = np.linalg.solve(steady.transition, steady.gain)
+        for state, found in ((1, quick), (2, slow)):
+            found.append(lfilter([update[state]], [1.0, -steady.transition[state, state]], innovations))
+    return Disturbance(np.array(quick).T, np.array(slow).T, noise)
+
+
+@lru_cache(maxsize=64)
+def _steady(noise: Noise, damping_1_s: float, step_s: float) -> SteadyFilter:
+    return noise.of_rate(damping_1_s, step_s)
 
 
 @dataclass(frozen=True)
@@ -163,6 +211,7 @@ class Disturbances:
 
 START = np.array([-3.3, 0.9, 0.5, -4.0])
 LOWEST, HIGHEST = np.array([-5.0, -1.5, -7.0, -11.0]), np.array([-1.0, 3.5, 4.0, 5.0])
+"""Logarithms of the noise, as `noise_of` takes them."""
 AHEAD_S = (0.1, 0.25, 0.5)
 """Horizons whose forecasts the observer's noise is fitted to: one that is fitted to the next sample follows quick
 disturbances, which are gone half a second later."""
@@ -170,78 +219,22 @@ disturbances, which are gone half a second later."""
 
 def fit_disturbances(tracks: Sequence[Track], driven: Sequence[Driven], physics: Physics) -> Disturbances:
     """Noise by which the past forecasts these flights best, without a bias: an observer has none at its start."""
-    left = [_unexplained(t, d, physics) for t, d in zip(tracks, driven, strict=True)]
-    step_s = tracks[0].step_s
-    moment = [_fitted([rates[i] for rates, _ in left], [], c, step_s)[1] for i, c in enumerate(physics.damping_1_s)]
-    force = [_fitted([velocity[i] for _, velocity in left], [], 0.0, step_s)[1] for i in range(3)]
+    pairs, step_s = list(zip(tracks, driven, strict=True)), tracks[0].step_s
+    rates, velocity = ([f(t, d, physics) for t, d in pairs] for f in (unexplained_rates, unexplained_velocity))
+    moment = [_fitted([r[i] for r in rates], c, step_s) for i, c in enumerate(physics.damping_1_s)]
+    force = [_fitted([v[i] for v in velocity], 0.0, step_s) for i in range(3)]
     return Disturbances(tuple(moment), tuple(force))
 
 
-def fit_forecasts(tracks: Sequence[Track], driven: Sequence[Driven], physics: Physics) -> tuple[Physics, Disturbances]:
-    """Physics and noise that forecast these flights best from their past and from the commands to come.
-
-    In closed loop they are no properties of the vehicle: part of what the commands do answers disturbances that a
-    forecast does not know, so its slopes are smaller and its damping larger than the vehicle's.
-    """
-    step_s, slopes, dampings, airspeeds, moment = tracks[0].step_s, [], [], [], []
-    bodies = [turned_back(t.attitude, t.velocity) for t in tracks]
-    for i, damping in enumerate(physics.damping_1_s):
-        inputs = [
-            np.array([d.differences[:, i], *([body[:, 1 - i]] if i < len(physics.airspeed) else [])])
-            for d, body in zip(driven, bodies, strict=True)
-        ]
-        found, noise, weights = _fitted([t.rates[:, i] for t in tracks], inputs, damping, step_s, free=True)
-        slopes.append(float(weights[0]))
-        airspeeds += [float(w) for w in weights[1:]]
-        dampings.append(found)
-        moment.append(noise)
-    down, lift = [], []
-    for t, d, body in zip(tracks, driven, bodies, strict=True):
-        axis = turned(t.attitude, np.repeat([[0.0, 0.0, -1.0]], len(body), axis=0))[:, 2]
-        drag = turned(t.attitude, -np.array(physics.drag_1_s) * body * np.array([1.0, 1.0, 0.0]))[:, 2]
-        known = GRAVITY_M_S2 * (1.0 + axis * (1.0 - d.square)) + drag
-        down.append(t.velocity[:, 2] - first_order(known, 0.0, step_s))
-        lift.append(np.array([GRAVITY_M_S2 * axis * (d.mean + d.square), axis * body[:, 2]]))
-    _, _, (elasticity, inflow) = _fitted(down, lift, 0.0, step_s)
-    drag_1_s = (*physics.drag_1_s[:2], float(inflow))
-    fitted = Physics(
-        (slopes[0], slopes[1], slopes[2]),
-        (dampings[0], dampings[1], dampings[2]),
-        (airspeeds[0], airspeeds[1]),
-        float(elasticity),
-        drag_1_s,
-    )
-    return fitted, Disturbances(tuple(moment), fit_disturbances(tracks, driven, fitted).force)
-
-
-def _fitted(
-    signals: Sequence[Floats], inputs: Sequence[Floats], damping_1_s: float, step_s: float, *, free: bool = False
-) -> tuple[float, Noise, Floats]:
-    """Damping (fitted where it is `free`), noise and weights of the inputs, each of shape (p, n), that forecast signals
-    of shape (n,) best."""
-
-    def parts(x: Floats) -> tuple[Floats, Floats]:
-        damping = float(x[4]) if free else damping_1_s
-        steady = noise_of(x[:4]).of_rate(damping, step_s)
-        rows = []
-        for i, signal in enumerate(signals):
-            columns = [signal - signal[0]]
-            if inputs:
-                columns += list(first_order(inputs[i], damping, step_s))
-            rows.append(np.stack([_forecast_errors(column, steady, step_s) for column in columns], axis=1))
-        joined = np.concatenate(rows)
-        return joined[:, 0], joined[:, 1:]
+def _fitted(signals: Sequence[Floats], damping_1_s: float, step_s: float) -> Noise:
+    """Noise that forecasts signals of shape (n,) best."""
 
     def errors(x: Floats) -> Floats:
-        wanted, design = parts(x)
-        return wanted - design @ solved(design, wanted) if inputs else wanted
+        steady = noise_of(x).of_rate(damping_1_s, step_s)
+        return np.concatenate([_forecast_errors(signal, steady, step_s) for signal in signals])
 
-    start = np.array([*START, damping_1_s]) if free else START
-    bounds = (np.array([*LOWEST, -5.0]), np.array([*HIGHEST, 40.0])) if free else (LOWEST, HIGHEST)
-    x = least_squares(errors, start, bounds=bounds, diff_step=np.full(len(start), 1e-3), ftol=1e-5).x
-    wanted, design = parts(x)
-    weights = solved(design, wanted) if inputs else np.zeros(0)
-    return float(x[4]) if free else damping_1_s, noise_of(x[:4]), weights
+    steps = np.full(len(START), 1e-3)
+    return noise_of(least_squares(errors, START, bounds=(LOWEST, HIGHEST), diff_step=steps, ftol=1e-5).x)
 
 
 def _forecast_errors(signal: Floats, steady: SteadyFilter, step_s: float) -> Floats:
@@ -276,16 +269,20 @@ def state_at(track: Track, rows: NDArray[np.intp]) -> State:
     return State(track.position[rows], track.velocity[rows], track.attitude[rows], track.rates[rows])
 
 
-def errors(predicted: State, track: Track, rows: NDArray[np.intp]) -> Floats:
-    """Errors in `QUANTITIES` of windows that end at these rows, shape (w, 4)."""
-    true = state_at(track, rows)
+def errors_in_axes(predicted: State, true: State) -> Floats:
+    """Errors in `QUANTITIES` along three axes, shape (w, 4, 3)."""
     pairs = (
         predicted.position - true.position,
         predicted.velocity - true.velocity,
         rotation_vector(true.attitude, predicted.attitude),
         predicted.rates - true.rates,
     )
-    return np.stack([np.linalg.norm(pair, axis=1) for pair in pairs], axis=1)
+    return np.stack(pairs, axis=1)
+
+
+def errors(predicted: State, track: Track, rows: NDArray[np.intp]) -> Floats:
+    """Sizes of the errors in `QUANTITIES` of windows that end at these rows, shape (w, 4)."""
+    return np.asarray(np.linalg.norm(errors_in_axes(predicted, state_at(track, rows)), axis=2))
 
 
 def held(track: Track, rows: NDArray[np.intp], steps: int) -> State:

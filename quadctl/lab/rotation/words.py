@@ -7,6 +7,8 @@ from rich.text import Text
 
 from quadctl.lab.rotation.innovations import Value
 from quadctl.lab.rotation.parameters import MOST_UNKNOWN, Rotation
+from quadctl.lab.rotation.rollout import HORIZONS_S
+from quadctl.lab.rotation.unseen import Unseen
 
 ROWS = (
     ("gain", "moment gain", "rad/s² per weight of thrust difference"),
@@ -33,6 +35,19 @@ def answer(found: Rotation) -> RenderableType:
         table.add_row(INERTIA[0], *(_shown(found.inertia.get(axis)) for axis in found.axes), INERTIA[1])
     said = Text("\n".join([*_thrust(found), *_untold(found)]))
     return Group(table, said) if table.rows else said
+
+
+def forecasts(unseen: Unseen) -> RenderableType:
+    """Table of the errors of forecasts with 95 % intervals, beside those of a state that is held."""
+    table = Table(title="Errors of forecasts that no fit saw: mean [95 % interval]", title_justify="left")
+    for heading in ("after", "model", "position, m", "velocity, m/s", "rotation, rad", "rates, rad/s"):
+        table.add_column(heading, overflow="fold")
+    for h, horizon_s in enumerate(HORIZONS_S):
+        for model in unseen.errors:
+            values = [_shown(unseen.mean(model, h, quantity)) for quantity in range(4)]
+            table.add_row(f"{horizon_s:g} s", model, *values)
+    said = "Held: velocity and rates stay. The forecast holds for this controller, and answers no what-if."
+    return Group(table, Text(said))
 
 
 def _shown(value: Value | None) -> str:

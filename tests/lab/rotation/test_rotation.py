@@ -300,3 +300,19 @@ def test_a_log_of_px4_without_position_tells_its_hover_throttle_and_what_it_cann
 def test_a_log_of_other_rotors_than_the_vehicles_is_refused(quadctl: Callable[..., Result]) -> None:
     refused = quadctl("rotation", str(ROOT / "config/vehicles/f550.yaml"), str(SIH / "B_forward.ulg"))
     assert refused.status == 1 and "has the outputs of 4 motors, expected 6 as the vehicle" in refused.err
+
+
+@pytest.mark.skipif(not SIH.is_dir(), reason="the logs of PX4 are not here")
+def test_rollouts_of_the_half_of_a_flight_that_no_fit_saw_are_better_than_a_held_state(
+    quadctl: Callable[..., Result], tmp_path: Path
+) -> None:
+    out = tmp_path / "rotation.json"
+    shown = quadctl(
+        "rotation", str(SIH / "sih_quadx.yaml"), str(SIH / "B_forward.ulg"), "--rollouts", "--json", str(out)
+    )
+    assert shown.status == 0, shown.err
+    models = json.loads(out.read_text())["rollouts"]
+    for quantity in ("velocity_m_s", "rotation_rad", "rates_rad_s"):
+        stayed, told = (models[model]["0.5"][quantity] for model in ("held", "forecast"))
+        assert told["ci95"][1] < 0.7 * stayed["ci95"][0], quantity
+    assert set(models["forecast"]) == {"0.01", "0.1", "0.5", "2"}

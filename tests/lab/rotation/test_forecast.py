@@ -1,0 +1,98 @@
+"""Forecasts of simulated flights whose controller answers gusts that a forecast cannot know."""
+
+import numpy as np
+import pytest
+
+from quadctl.frames import GRAVITY_M_S2, quaternion_from_euler
+from quadctl.lab.rotation.forecast import Forecast, fit_forecast
+from quadctl.lab.rotation.innovations import Noise
+from quadctl.lab.rotation.rollout import (
+    Commands,
+    Disturbances,
+    Driven,
+    Late,
+    Physics,
+    Track,
+    commands_of,
+    errors,
+    fit_disturbances,
+    held,
+    observe,
+    roll_out,
+)
+from tests.lab.rotation.closed_loop import VEHICLE
+
+STEP_S, HOVER = 0.01, 0.6
+TRUTH = Physics((420.0, 400.0, 30.0), (1.7, 1.5, 1.0), (-9.0, 8.0), 1.3, (0.4, 0.4, 0.1))
+PROMPT = Late(0.0, 0.001)
+STEADY = Noise(0.03, 20.0, 3.0, 0.02)
+
+
+def rolling(seed: int, seconds: float = 24.0) -> Track:
+    """A flight that rolls from side to side; a gusty moment turns it, and its controller holds against it."""
+    random, n = np.random.default_rng(seed), round(seconds / STEP_S)
+    reach = np.abs(np.array(VEHICLE.moment_arms_m)[:, 0]).mean()
+    mix = np.array(VEHICLE.moment_arms_m)[:, 0] / reach
+    angle = rate = speed = gust = trim = 0.0
+    rows: list[tuple[float, ...]] = []
+    command = np.empty((n, 4))
+    for k in range(n):
+        wanted = 0.35 * np.sin(1.9 * k * STEP_S + seed)
+        trim += STEP_S * 20.0 * (wanted - angle)
+        difference = (120.0 * (wanted - angle) - 16.0 * rate + 3.0 * trim) / TRUTH.slope[0]
+        command[k] = HOVER * (1.0 + difference * mix)
+        rows.append((angle, rate, speed))
+        gust += -STEP_S * gust / 0.9 + 3.0 * np.sqrt(2.0 * STEP_S / 0.9) * random.standard_normal()
+        turn = TRUTH.slope[0] * difference + TRUTH.airspeed[0] * speed - TRUTH.damping_1_s[0] * rate + gust
+        speed += STEP_S * (GRAVITY_M_S2 * np.sin(angle) - TRUTH.drag_1_s[1] * speed)
+        angle += STEP_S * rate
+        rate += STEP_S * turn
+    angle_, rate_, speed_ = np.array(rows).T
+    still = np.zeros(n)
+    velocity = np.column_stack([still, speed_ * np.cos(angle_), speed_ * np.sin(angle_)])
+    position = STEP_S * np.cumsum(velocity, axis=0)
+    attitude = np.stack(quaternion_from_euler(angle_, still, still), axis=1)
+    rates = np.column_stack([rate_, still, still]) + 1e-3 * random.standard_normal((n, 3))
+    return Track(f"{seed}", STEP_S, position, velocity, attitude, rates, command)
+
+
+def commands(track: Track) -> Commands:
+    return commands_of(track, HOVER, TRUTH.elasticity, VEHICLE)
+
+
+@pytest.fixture(scope="module")
+def fitted() -> tuple[Forecast, Disturbances]:
+    tracks = [rolling(seed) for seed in (1, 2, 3)]
+    prompt: list[Driven] = [commands(t).driven((PROMPT,) * 3, PROMPT) for t in tracks]
+    noise = fit_disturbances(tracks, prompt, TRUTH)
+    return fit_forecast(tracks, [commands(t) for t in tracks], TRUTH, (PROMPT,) * 3, noise), noise
+
+
+class TestForecast:
+    def test_an_unseen_flight_is_forecast_better_than_held_and_than_by_all_that_is_known(
+        self, fitted: tuple[Forecast, Disturbances]
+    ) -> None:
+        forecast, noise = fitted
+        track = rolling(7)
+        rows = np.arange(200, len(track.rates) - 60, 7)
+        driven = commands(track).driven((PROMPT,) * 3, PROMPT)
+        (known,) = roll_out(track, driven, TRUTH, observe(track, driven, TRUTH, noise), rows, [50])
+        (trusted,) = forecast.roll_out(track, commands(track), rows, [50])
+        of_held = errors(held(track, rows, 50), track, rows + 50).mean(axis=0)
+        of_known, of_trusted = (errors(end, track, rows + 50).mean(axis=0) for end in (known, trusted))
+        # Rotation and rates.
+        assert np.all(of_trusted[2:] < 0.8 * of_known[2:]), (of_trusted, of_known)
+        assert np.all(of_trusted[2:] < 0.6 * of_held[2:]), (of_trusted, of_held)
+        assert forecast.physics.slope[0] < TRUTH.slope[0]
+        assert forecast.physics.damping_1_s[0] > TRUTH.damping_1_s[0]
+
+    def test_it_knows_nothing_of_the_state_after_its_start(self, fitted: tuple[Forecast, Disturbances]) -> None:
+        forecast, _ = fitted
+        track, other = rolling(7), rolling(7)
+        other.rates[901:] += 0.5
+        other.velocity[901:] += 0.7
+        rows = np.array([900, 950])
+        (one,), (two,) = (forecast.roll_out(t, commands(t), rows, [40]) for t in (track, other))
+        np.testing.assert_allclose(one.rates[0], two.rates[0])
+        np.testing.assert_allclose(one.velocity[0], two.velocity[0])
+        assert not np.allclose(one.rates[1], two.rates[1])
