@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
+from quadctl.errors import LogError
 from quadctl.lab.arrays import Floats
 from quadctl.lab.rotation.innovations import Value
 from quadctl.lab.rotation.parameters import Rotation, fit_rotation
@@ -64,7 +65,13 @@ def _flights(folder: Path, vehicle: Vehicle) -> tuple[int, list[Flight]]:
     """Number of logs in a folder, and the flights of those that are neither copies nor corrupt."""
     logs = [read_by_map(p, ROOT / "config" / "maps" / "nanobench.yaml") for p in sorted(folder.glob("*.csv"))]
     kept = [log for log in without_copies(logs) if not complaints(log)]
-    return len(logs), [flight_of(log, log.name.split("_")[0], vehicle) for log in kept]
+    flights = []
+    for log in kept:
+        try:
+            flights.append(flight_of(log, log.name.split("_")[0], vehicle))
+        except LogError as error:
+            print(f"left out: {error}", flush=True)
+    return len(logs), flights
 
 
 def _family(shape: str) -> int:
