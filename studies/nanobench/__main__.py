@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
+from quadctl.errors import LogError
 from quadctl.lab.arrays import Floats
 from quadctl.lab.rotation.innovations import Value
 from quadctl.lab.rotation.parameters import Rotation, fit_rotation
@@ -64,7 +65,13 @@ def _flights(folder: Path, vehicle: Vehicle) -> tuple[int, list[Flight]]:
     """Number of logs in a folder, and the flights of those that are neither copies nor corrupt."""
     logs = [read_by_map(p, ROOT / "config" / "maps" / "nanobench.yaml") for p in sorted(folder.glob("*.csv"))]
     kept = [log for log in without_copies(logs) if not complaints(log)]
-    return len(logs), [flight_of(log, log.name.split("_")[0], vehicle) for log in kept]
+    flights = []
+    for log in kept:
+        try:
+            flights.append(flight_of(log, log.name.split("_")[0], vehicle))
+        except LogError as error:
+            print(f"left out: {error}", flush=True)
+    return len(logs), flights
 
 
 def _family(shape: str) -> int:
@@ -105,15 +112,6 @@ def _page(
     right in closed loop as far as its model of the noise is. The gain per weight of thrust difference is the slope by
     the command over the elasticity of the thrust (% of the weight per % of command), which limits it: a voltage that
     sags with the thrust of all rotors is part of that elasticity, though a difference of rotors does not move it."""
-    own = """
-    `quadctl rotation config/vehicles/raptor.yaml flight.ulg --json rotation.json` prints the same of any log with
-    body rates and rotor outputs (or speeds) at 40 Hz or more; a ULog of PX4 needs no position. Without velocity
-    there is no drag and no moment by airspeed, without accelerometer no gain per weight; the mass is never told.
-    What is not determined is not printed: axes whose prediction errors are correlated, or whose lag rests at a
-    bound. With `--rollouts` it forecasts the whole state of logs with a position, by fits to the others, or each half
-    of one flight by the other half.
-    Log the outputs as fast as the controller writes them: in simulated flights slopes are 5 % small at 125
-    Hz, and right at 250 Hz."""
     return "\n\n".join(
         [
             "# Public benchmarks",
@@ -131,8 +129,7 @@ def _page(
             "## What was found",
             wrapped(parameters).strip(),
             _parameters(rotation),
-            "## From your own logs",
-            wrapped(own),
+            "[Rotation](rotation.md) does the same on your own logs.",
         ]
     )
 

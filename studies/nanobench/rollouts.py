@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from quadctl.errors import LogError
 from quadctl.lab.arrays import Floats
 from quadctl.lab.rotation.forecast import SETTLED_S
 from quadctl.lab.rotation.regression import change, changed, fit_ridge, future_features, past_features
@@ -35,8 +36,16 @@ class Flight:
 
 
 def flight_of(log: FlightLog, shape: str, vehicle: Vehicle) -> Flight:
-    """The part of a log that flies."""
+    """The part of a log that flies.
+
+    Raises
+    ------
+    LogError
+        It does not fly, or as `flown_of`.
+    """
     high = np.flatnonzero(log["z_m"] > ABOVE_M)
+    if len(high) == 0:
+        raise LogError(f"{log.name}: stays below {ABOVE_M:g} m")
     span_s = float(log.time_s[high[0]]) + 0.5, float(log.time_s[high[-1]]) - 0.5
     return Flight(shape, flown_of(log, vehicle, span_s))
 
