@@ -145,9 +145,9 @@ def best_guesses(effect: type[Effect], left: Unmodelled) -> tuple[list[Effect], 
     return tied, independent ** len(flights) if best[0] in joined else independent
 
 
-HOPELESS = 0.05
+HOPELESS = 0.1
 """p-value, uncorrected, of what an effect explains of the data that it is fitted to, to first order, above which it is
-not fitted: on held-out data it would be larger."""
+not fitted. On held-out data it is larger, but for what is not of first order."""
 
 
 def is_hopeless(effect: type[Effect], left: Unmodelled) -> bool:
