@@ -42,7 +42,9 @@ class Tangent:
             own = _WidenedNoise(
                 _flat(nuisance_jacobian(model, flight, dataset.groups, predicted) / scale[:, None] * prior_stds)
             )
-            parameters = _flat(parameter_jacobian(model, flight, dataset.groups, predicted, free) / scale[:, None] * ranges)
+            parameters = _flat(
+                parameter_jacobian(model, flight, dataset.groups, predicted, free) / scale[:, None] * ranges
+            )
             size = max(size, float(np.linalg.norm(parameters)))
             self._own.append(own)
             beside.append(own.whitened(parameters))

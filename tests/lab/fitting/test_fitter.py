@@ -46,7 +46,7 @@ from quadctl.model import Model, load_model
 from quadctl.vehicle import Vehicle, load_vehicle
 from studies.blind_cases.cases import all_cases
 from studies.blind_cases.fly import fly_case
-from tests.support.flights import obedient, simulated
+from tests.support.flights import obedient, simulated, to_and_fro
 from tests.support.places import ROOT
 
 NOISE_M_S = 0.01
@@ -337,6 +337,17 @@ class TestTangent:
         in_one = np.where(data.flight_index[:, None] == 0, change, 0.0)
         assert np.linalg.norm(tangent.rest(change)) < 0.01 * np.linalg.norm(change)
         assert np.linalg.norm(tangent.rest(in_one)) < 0.01 * np.linalg.norm(in_one)
+
+    @pytest.mark.parametrize(("drag", "left"), [(0.0, True), (0.2, False)])
+    def test_a_parameter_that_a_bound_holds_explains_nothing(self, raptor: Vehicle, drag: float, left: bool) -> None:
+        log = shaken(to_and_fro(obedient(Model(raptor), 60.0, noise_m_s=NOISE_M_S), 2.0))
+        data = load_dataset([log], raptor)
+        model, more = (Model(raptor).plus(LinearDrag(d, 0.2, 0.2)) for d in (drag, drag + 0.1))
+        aligned = data.aligned_for(model)
+        change = aligned.predicted_targets(more) - aligned.predicted_targets(model)
+        tangent = Tangent(model, data, np.full(data.targets.shape[1], 1.0), trims_unknown=False)
+        rest = float(np.linalg.norm(tangent.rest(change)) / np.linalg.norm(change))
+        assert (rest > 0.3, rest < 1e-3) == (left, not left)
 
 
 class TestStarts:
