@@ -116,7 +116,7 @@ def remembered() -> Iterator[None]:
     with ExitStack() as stack:
         for module, name, key in (
             (search, "try_effect", lambda effect, left, n, rule: (effect, left.model.effects, n, *of_trials(rule))),
-            (search, "promise", lambda effect, left: (effect, left.model.effects)),
+            (search, "is_hopeless", lambda effect, left: (effect, left.model.effects)),
             (search, "fit_model", by_model),
             (fitted_model, "fit_model", by_model),
             (diagnosis, "held_out_errors", lambda before, after: (before.model.effects, after.model.effects)),

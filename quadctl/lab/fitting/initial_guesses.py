@@ -1,6 +1,7 @@
 """Initial guesses for the fit of one more effect: the objective has several minima, and some parameters are not
 fitted."""
 
+from collections.abc import Sequence
 from functools import cached_property
 
 import numpy as np
@@ -12,6 +13,7 @@ from quadctl.lab.fitting.form_errors import FormErrors
 from quadctl.lab.fitting.linearisation import Tangent, orthonormal
 from quadctl.lab.fitting.noise import noise_scale
 from quadctl.lab.fitting.parameters import free_parameters, parameter_jacobian
+from quadctl.lab.fitting.significance import improvement_p_value
 from quadctl.lab.flights.dataset import AlignedDataset, Dataset
 from quadctl.lab.flights.prediction import predict_targets
 from quadctl.model import Model
@@ -44,9 +46,13 @@ class Unmodelled:
         squared = along * (along if effect.reversible else abs(along))
         return squared / max(float(np.vdot(change, change)), 1e-12)
 
-    def explained_about(self, start: Effect) -> float:
-        """Squared error, in units of the noise, that an effect explains to first order about `start`: by a factor on it
-        and a change of each of its parameters, beside trims as they usually are."""
+    def first_order_p_value(self, start: Effect) -> float:
+        """p-value of what an effect explains to first order about `start`: by a factor on it and a change of each of
+        its parameters, of the data that they are fitted to.
+
+        It is tested on what usual trims leave of the data, and on the residual as it is, since a trim that its bound
+        holds leaves more; the smaller p-value counts.
+        """
         model, dataset = self.model.plus(start), self._aligned
         own = free_parameters(model)[len(free_parameters(self.model)) :]
         jacobian = np.concatenate(
@@ -56,9 +62,15 @@ class Unmodelled:
             ]
         )
         changes = [self._change(start), *np.moveaxis(jacobian / self.scale[:, None], -1, 0)]
-        columns = np.stack([self._usual_trims.rest(change).ravel() for change in changes], axis=-1)
+        beside_trims = self._p_value_of(self._left_by_usual_trims, [self._usual_trims.rest(one) for one in changes])
+        return min(beside_trims, self._p_value_of(self.residual / self.scale, changes))
+
+    def _p_value_of(self, left: Floats, changes: Sequence[Floats]) -> float:
+        """p-value of the part of `left` along `changes`, shape (n, axes) each, in units of the noise."""
+        columns = np.stack([change.ravel() for change in changes], axis=-1)
         basis = orthonormal(columns / np.maximum(np.linalg.norm(columns, axis=0), 1e-12))
-        return float(np.sum((basis.T @ self._left_by_usual_trims.ravel()) ** 2))
+        explained = (basis @ (basis.T @ left.ravel())).reshape(left.shape)
+        return improvement_p_value(left * self.scale, explained * self.scale, self.dataset, self.forms)
 
     def _change(self, effect: Effect) -> Floats:
         """Change of the predicted targets by `effect`, in units of the noise, shape (n, axes)."""
@@ -133,7 +145,22 @@ def best_guesses(effect: type[Effect], left: Unmodelled) -> tuple[list[Effect], 
     return tied, independent ** len(flights) if best[0] in joined else independent
 
 
-def promise(effect: type[Effect], left: Unmodelled) -> float:
-    """Squared error, in units of the noise, that `effect` explains to first order about the best of its starts."""
+HOPELESS = 0.1
+"""p-value, uncorrected, of what an effect explains of the data that it is fitted to, to first order, above which it is
+not fitted. On held-out data it is larger, but for what is not of first order."""
+
+
+def is_hopeless(effect: type[Effect], left: Unmodelled) -> bool:
+    """Tell whether an effect explains, to first order about the best of its starts, no more than noise does.
+
+    Not of a lag, for which the flights are aligned again.
+    """
+    if effect.adds_lag:
+        return False
+    return left.first_order_p_value(best_start(effect, left)) > HOPELESS
+
+
+def best_start(effect: type[Effect], left: Unmodelled) -> Effect:
+    """The start of an effect that explains most times a factor."""
     starts = effect.starts([flight.conditions for flight in left.dataset.flights], left.model.vehicle)
-    return left.explained_about(max(starts, key=left.explained_by) if len(starts) > 1 else starts[0])
+    return max(starts, key=left.explained_by) if len(starts) > 1 else starts[0]

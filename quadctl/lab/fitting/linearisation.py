@@ -5,7 +5,7 @@ import numpy as np
 
 from quadctl.lab.arrays import Floats
 from quadctl.lab.fitting.nuisances import FORCES, PRIOR_STD, nuisance_jacobian
-from quadctl.lab.fitting.parameters import free_parameters, parameter_jacobian
+from quadctl.lab.fitting.parameters import free_parameters, is_held, parameter_jacobian, values_of
 from quadctl.lab.flights.dataset import Dataset
 from quadctl.lab.flights.prediction import predict_targets
 from quadctl.model import Model
@@ -23,7 +23,8 @@ class Tangent:
     along the direction in which it changes the targets of its flight: `rest` divides by that standard deviation, so
     that what nuisances can easily explain counts little. With `trims_unknown`, the nuisances of the forces are
     unconstrained: a mass that changes at the beginning of the flight is nothing but a thrust scale. All others have
-    their prior standard deviation: a weak rotor (an effect) looks like a large nuisance. Parameters are unconstrained.
+    their prior standard deviation: a weak rotor (an effect) looks like a large nuisance. Parameters are unconstrained,
+    but for those that a bound holds, without `trims_unknown`: they explain nothing more.
     """
 
     def __init__(self, model: Model, dataset: Dataset, scale: Floats, *, trims_unknown: bool = True) -> None:
@@ -31,14 +32,19 @@ class Tangent:
         self._own: list[_WidenedNoise] = []
         of_forces = UNCONSTRAINED if trims_unknown else 1.0
         prior_stds = np.where(np.arange(len(PRIOR_STD)) < FORCES, of_forces, 1.0) * PRIOR_STD
-        ranges = np.array([f.parameter.high - f.parameter.low for f in free_parameters(model)])
+        free = free_parameters(model)
+        if not trims_unknown:
+            free = [f for f, v in zip(free, values_of(model, free), strict=True) if not is_held(f, float(v))]
+        ranges = np.array([f.parameter.high - f.parameter.low for f in free])
         size, beside = 0.0, []
         for flight in dataset.flights:
             predicted = predict_targets(model, flight, dataset.groups)
             own = _WidenedNoise(
                 _flat(nuisance_jacobian(model, flight, dataset.groups, predicted) / scale[:, None] * prior_stds)
             )
-            parameters = _flat(parameter_jacobian(model, flight, dataset.groups, predicted) / scale[:, None] * ranges)
+            parameters = _flat(
+                parameter_jacobian(model, flight, dataset.groups, predicted, free) / scale[:, None] * ranges
+            )
             size = max(size, float(np.linalg.norm(parameters)))
             self._own.append(own)
             beside.append(own.whitened(parameters))

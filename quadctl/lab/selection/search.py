@@ -17,7 +17,7 @@ from quadctl.effects import Effect
 from quadctl.lab.arrays import Floats
 from quadctl.lab.fitting.fitted_model import FittedModel, fit_model
 from quadctl.lab.fitting.form_errors import FormErrors
-from quadctl.lab.fitting.initial_guesses import Unmodelled, promise
+from quadctl.lab.fitting.initial_guesses import Unmodelled, is_hopeless
 from quadctl.lab.fitting.significance import improvement_p_value
 from quadctl.lab.flights.dataset import Dataset
 from quadctl.lab.flights.prediction import rmse
@@ -39,11 +39,8 @@ from quadctl.lab.selection.rule import (
     without_needless_differences,
     without_stand_ins,
 )
-from quadctl.lab.selection.trial import try_effect
+from quadctl.lab.selection.trial import not_fitted, try_effect
 
-MOST_PROMISING = 12
-"""Number of effects of which a round after the first one chooses: those that explain most to first order. The others
-are tried where none of these is supported."""
 MOST_MASKED = 2
 """Largest number of effects with which a search begins although they are not significant alone."""
 
@@ -140,13 +137,12 @@ def begun_at(start: FittedModel, rule: Rule = RULE) -> Path:
     return Path(start, start, (SelectionStep("", name, errors),), rule=rule)
 
 
-def forward(path: Path, pool: Sequence[type[Effect]], progress: Progress, *, likely_only: bool = False) -> Path:
-    """Forward selection: add the best supported effect of `pool`, and try again, until none is supported, or with
-    `likely_only` none of those that explain most to first order."""
+def forward(path: Path, pool: Sequence[type[Effect]], progress: Progress) -> Path:
+    """Forward selection: add the best supported effect of `pool`, and try again, until none is supported."""
     alike: list[str] = []
     while True:
         told = _in_round(len(path.missing) + 1, progress)
-        path, supported, look_alikes = _tried(path, pool, told, likely_only=likely_only)
+        path, supported, look_alikes = _tried(path, pool, told)
         path = _with_confounded(path, alike, [*supported, *look_alikes])
         if not supported:
             return path
@@ -185,7 +181,7 @@ def with_masked_first(path: Path, pool: Sequence[type[Effect]], progress: Progre
     masked = [c for c in path.first if is_masked(c, path.rule) and score(c.residual[:, :3], path.rule) < least]
     for candidate in sorted(masked, key=lambda c: score(c.residual, path.rule))[:MOST_MASKED]:
         told = _prefixed(f"beginning with {candidate.effect.name}", progress)
-        other = pruned(forward(taken(path.restarted(), candidate), pool, told, likely_only=True))
+        other = pruned(forward(taken(path.restarted(), candidate), pool, told))
         if candidate.family in other.missing and len(other.missing) > 1 and is_better(other, path):
             return pruned(forward(other, pool, progress))
     return path
@@ -204,7 +200,7 @@ def with_one_dropped(path: Path, pool: Sequence[type[Effect]], progress: Progres
         other = path.restarted()
         for kind in (type(c.effect) for c in path.chosen if c.family in path.missing and c.family != family):
             other = taken(other, _trial(other, kind, len(pool)))
-        other = pruned(forward(other, others, _prefixed(f"without {family}", progress), likely_only=True))
+        other = pruned(forward(other, others, _prefixed(f"without {family}", progress)))
         if other.missing and is_better(other, path):
             return _with_exchange_in_doubt(pruned(forward(other, pool, progress)), path)
     return path
@@ -333,9 +329,9 @@ def emptied(path: Path) -> Path:
     return replace(path, current=path.start, steps=path.steps[:1], missing=(), confounded=())
 
 
-def _tried(path: Path, pool: Sequence[type[Effect]], progress: Progress, *, likely_only: bool) -> _Round:
-    """Try the families of `pool` that are not in the model: all of them on top of the start; later the likely ones
-    first, and the others where none of these is supported and not `likely_only`."""
+def _tried(path: Path, pool: Sequence[type[Effect]], progress: Progress) -> _Round:
+    """Try the families of `pool` that are not in the model: all of them on top of the start; later those that explain
+    something to first order."""
     open_ = [effect for effect in pool if effect.family() not in path.missing]
     n_tried = len(pool) * (len(path.chosen) + 1)
     if path.current is path.start:
@@ -345,10 +341,9 @@ def _tried(path: Path, pool: Sequence[type[Effect]], progress: Progress, *, like
         path = replace(path, at_start=known)
     else:
         left = Unmodelled(path.current)
-        open_ = sorted(open_, key=lambda effect: promise(effect, left), reverse=True)
-        tried = _trials(open_[:MOST_PROMISING], left, n_tried, progress, path.rule)
-        if not likely_only and not _supported_of(tried, path.rule):
-            tried += _trials(open_[MOST_PROMISING:], left, n_tried, _prefixed("the unlikely ones", progress), path.rule)
+        hopeless = [effect for effect in open_ if is_hopeless(effect, left)]
+        likely = [effect for effect in open_ if effect not in hopeless]
+        tried = _trials(likely, left, n_tried, progress, path.rule) + [not_fitted(effect, left) for effect in hopeless]
     path = replace(path, latest={**path.latest, **{c.effect.name: c for c in tried}})
     return _Round(path, _supported_of(tried, path.rule), [c for c in tried if is_look_alike(c, path.rule)])
 

@@ -6,7 +6,7 @@ from quadctl.effects import Effect
 from quadctl.lab.arrays import Floats
 from quadctl.lab.fitting.fitted_model import FittedModel
 from quadctl.lab.fitting.fitter import Fitter
-from quadctl.lab.fitting.initial_guesses import Unmodelled, best_guesses
+from quadctl.lab.fitting.initial_guesses import Unmodelled, best_guesses, best_start
 from quadctl.lab.fitting.nuisances import AGE, BOUND
 from quadctl.lab.fitting.significance import improvement_p_value
 from quadctl.lab.flights.dataset import Dataset
@@ -47,6 +47,23 @@ def try_effect(effect: type[Effect], left: Unmodelled, n_tried: int, rule: Rule 
         at_bound=fit.at_bound(last),
         determined=fit.determined(last),
         solution=fit.solution,
+    )
+
+
+def not_fitted(effect: type[Effect], left: Unmodelled) -> Candidate:
+    """Candidate that explains nothing to first order on top of the fitted model of `left`: it changes no error."""
+    start = best_start(effect, left)
+    errors = rmse(left.residual, left.dataset.groups)
+    return Candidate(
+        effect=start,
+        model=left.model.plus(start),
+        ci95={},
+        before=errors,
+        after=errors,
+        p_value=1.0,
+        residual=left.residual,
+        remarks=["not fitted: to first order it explains nothing"],
+        determined=False,
     )
 
 

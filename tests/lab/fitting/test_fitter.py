@@ -13,6 +13,7 @@ from scipy.signal import lfilter
 from quadctl.effects import CATALOG, Effect
 from quadctl.effects.airspeed_moment import IsotropicMoment
 from quadctl.effects.ground_effect import Exponential
+from quadctl.effects.motor_lag import FirstOrderLag
 from quadctl.effects.payload import MassStep
 from quadctl.effects.rotor_drag import LinearDrag
 from quadctl.effects.rotor_fault import FailingRotor, WeakRotor
@@ -25,7 +26,7 @@ from quadctl.lab.arrays import Floats
 from quadctl.lab.fitting.arrowhead import Arrow
 from quadctl.lab.fitting.fitted_model import fit_model
 from quadctl.lab.fitting.fitter import Fitter, Optimum
-from quadctl.lab.fitting.initial_guesses import Unmodelled, best_guesses, promise
+from quadctl.lab.fitting.initial_guesses import Unmodelled, best_guesses, is_hopeless
 from quadctl.lab.fitting.linearisation import Tangent
 from quadctl.lab.fitting.noise import noise_scale
 from quadctl.lab.fitting.normal_equations import axis_weights
@@ -38,7 +39,6 @@ from quadctl.lab.selection.addition import add
 from quadctl.lab.selection.candidate import Candidate
 from quadctl.lab.selection.diagnosis import diagnose
 from quadctl.lab.selection.rule import is_supported, moment_drops
-from quadctl.lab.selection.search import MOST_PROMISING
 from quadctl.logs.columns import rpm_columns
 from quadctl.logs.flight_log import RATES, FlightLog
 from quadctl.logs.read import read_logs
@@ -46,7 +46,7 @@ from quadctl.model import Model, load_model
 from quadctl.vehicle import Vehicle, load_vehicle
 from studies.blind_cases.cases import all_cases
 from studies.blind_cases.fly import fly_case
-from tests.support.flights import obedient, simulated
+from tests.support.flights import obedient, simulated, to_and_fro
 from tests.support.places import ROOT
 
 NOISE_M_S = 0.01
@@ -338,6 +338,17 @@ class TestTangent:
         assert np.linalg.norm(tangent.rest(change)) < 0.01 * np.linalg.norm(change)
         assert np.linalg.norm(tangent.rest(in_one)) < 0.01 * np.linalg.norm(in_one)
 
+    @pytest.mark.parametrize(("drag", "left"), [(0.0, True), (0.2, False)])
+    def test_a_parameter_that_a_bound_holds_explains_nothing(self, raptor: Vehicle, drag: float, left: bool) -> None:
+        log = shaken(to_and_fro(obedient(Model(raptor), 60.0, noise_m_s=NOISE_M_S), 2.0))
+        data = load_dataset([log], raptor)
+        model, more = (Model(raptor).plus(LinearDrag(d, 0.2, 0.2)) for d in (drag, drag + 0.1))
+        aligned = data.aligned_for(model)
+        change = aligned.predicted_targets(more) - aligned.predicted_targets(model)
+        tangent = Tangent(model, data, np.full(data.targets.shape[1], 1.0), trims_unknown=False)
+        rest = float(np.linalg.norm(tangent.rest(change)) / np.linalg.norm(change))
+        assert (rest > 0.3, rest < 1e-3) == (left, not left)
+
 
 class TestStarts:
     @pytest.mark.parametrize("rotor", [1, 2, 3, 4])
@@ -382,18 +393,32 @@ class TestStarts:
         assert picked_up > 10.0
 
 
-class TestPromise:
-    """The error that an effect explains to first order, by which a search chooses what to try."""
+class TestHopeless:
+    """An effect that explains to first order no more than noise does is not fitted."""
 
     @pytest.mark.parametrize("truth", [ConstantScale(0.93), Exponential(a=0.3, b=6.0), MassStep(0.2, 31.0)])
-    def test_the_true_effect_is_among_the_first(self, raptor: Vehicle, truth: Effect) -> None:
+    def test_the_true_effect_is_not(self, raptor: Vehicle, truth: Effect) -> None:
         left = Unmodelled(fit_model(Model(raptor), data_of(stacked(raptor, truth))))
-        first = sorted(FOR_RAPTOR, key=lambda effect: promise(effect, left), reverse=True)[: MOST_PROMISING // 2]
-        assert truth.family() in {effect.family() for effect in first}
+        assert not is_hopeless(type(truth), left)
 
-    def test_what_the_model_holds_promises_nothing(self, raptor: Vehicle, seen: Dataset) -> None:
+    def test_what_the_model_holds_is(self, raptor: Vehicle, seen: Dataset) -> None:
         left = Unmodelled(fit_model(stacked(raptor, *SCALE_AND_GROUND), seen))
-        assert promise(ConstantScale, left) == pytest.approx(0.0, abs=2.0)
+        assert is_hopeless(ConstantScale, left)
+
+    def test_most_others_are_beside_the_true_effects(self, raptor: Vehicle, seen: Dataset) -> None:
+        left = Unmodelled(fit_model(stacked(raptor, *SCALE_AND_GROUND), seen))
+        others = [kind for kind in FOR_RAPTOR if kind.family() not in ("thrust_scale", "ground_effect")]
+        assert sum(is_hopeless(kind, left) for kind in others) > len(others) // 2
+
+    def test_a_lag_is_fitted_in_any_case(self, raptor: Vehicle, seen: Dataset) -> None:
+        assert not is_hopeless(FirstOrderLag, Unmodelled(fit_model(stacked(raptor, *SCALE_AND_GROUND), seen)))
+
+    def test_a_tilt_beyond_the_trims_is_not(self, raptor: Vehicle) -> None:
+        """Trims take the most of it, up to their bound: what they leave tells of it."""
+        log = shaken(obedient(Model(raptor), 60.0, noise_m_s=NOISE_M_S))
+        leant = dataclasses.replace(log, columns={**log.columns, "pitch_deg": log["pitch_deg"] + 2.5})
+        left = Unmodelled(fit_model(Model(raptor), load_dataset([leant], raptor)))
+        assert not is_hopeless(FixedTilt, left)
 
 
 class TestToldApart:

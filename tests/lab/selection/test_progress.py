@@ -11,7 +11,7 @@ from tests.support.flights import obedient
 
 
 def test_each_round_is_named(raptor: Vehicle) -> None:
-    truth = Model(raptor).plus(Exponential(a=0.3, b=5.0))
+    truth = Model(raptor).plus(Exponential(a=0.3, b=5.0)).plus(ConstantScale(0.97))
     flight = load_dataset([obedient(truth, 60.0, noise_m_s=0.01)], raptor)
     said: list[str] = []
     forward(begun_at(fit_model(Model(raptor), flight)), [Exponential, Hayden, ConstantScale], said.append)
