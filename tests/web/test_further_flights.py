@@ -106,7 +106,7 @@ def test_the_model_has_one_error(visitor: Visitor) -> None:
     for step in ("rigid body", FITTED):
         stand_on(visitor, step)
         now = visitor.error_now()
-        assert numbers_in(visitor.sees(".sequence"), r"mispredicts acceleration by ([\d.]+) m/s²") == [now]
+        assert numbers_in(visitor.sees(".sequence"), r"error of the model \(RMSE\): ([\d.]+) m/s²") == [now]
         assert float(visitor.sees(".step.here .step-value")) == now
         assert numbers_in(visitor.sees(".part-overview"), r"Error, all axes: ([\d.]+) m/s²") == [now]
     visitor.click("[role=tab]:has-text('Where it fails')")

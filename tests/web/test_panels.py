@@ -537,9 +537,9 @@ class TestOpenTab:
         self, views: dict[str, View], tabs: Callable[[str, View], OpenTab]
     ) -> None:
         shown = str(tabs("missing", views["an error as the model stands"]).shown)
-        assert "of g (RMSE), as it stands, apart from the " in shown
+        assert "of g, as it stands, " in shown and " removed, on 0.csv" in shown
         assert "; it is fitted to 0.csv." in shown
-        assert "Errors of the model as it stands, apart from the " in shown
+        assert "Errors of the model as it stands, " in shown
         assert "as it stands" not in str(tabs("missing", views["at first"]).shown)
 
     def test_values_of_single_flights_that_are_used_for_others_are_told(
@@ -725,8 +725,8 @@ class TestOpenTab:
         there = replace(view, opened=replace(view.opened, seen=whole), results=Results(found))
         assert str(kind_of(found)).endswith("per-flight bias included")
         blocks, flights = (str(tabs("missing", each).shown) for each in (view, there))
-        assert " included: on held-out flights" in flights and "apart from the" not in flights
-        assert ", apart from the " in blocks and " included" not in blocks
+        assert " included: on held-out flights" in flights and " removed: on" not in flights
+        assert " removed: on held-out blocks" in blocks and " included" not in blocks
 
     def test_biases_at_their_limit_are_named_with_their_flights(self, views: dict[str, View]) -> None:
         evaluation = views["at first"].results.evaluation
@@ -808,7 +808,7 @@ class TestOpenTab:
             worst, other = sorted(("north", "east", "up"), key=errors.__getitem__)[:0:-1]
             view = choosing(views["at first"], flight=name, axis=worst)
             shown = str(tabs("missing", view).shown)
-            assert f"Error in this flight, all axes: {quantity(errors['total'])}; shown is {worst}" in shown
+            assert f"Error in this flight, all axes: {quantity(errors['total'])}; shown: {worst}" in shown
             assert "the axis with the largest error." in shown
             shown = str(tabs("missing", choosing(view, axis=other)).shown)
             assert f"It is largest {worst}: {quantity(errors[worst])}." in shown
@@ -929,7 +929,7 @@ class TestOpenTab:
         self, views: dict[str, View], tabs: Callable[[str, View], OpenTab]
     ) -> None:
         view = views["at first"]
-        limit = "* At the limit of what is an offset of one flight"
+        limit = "* At the limit: "
         assert limit not in str(tabs("missing", view).shown)
         assert "At the limit" not in str(tabs("missing", view).shown)
         evaluation = view.results.evaluation
@@ -1182,7 +1182,7 @@ class TestOpenTab:
         evaluation = views["at first"].results.evaluation
         assert evaluation is not None
         error = evaluation.error_m_s2
-        expected = f"The model mispredicts acceleration by {quantity(error)}, {share_of_g(error)} of g"
+        expected = f"Acceleration error of the model (RMSE): {quantity(error)}, {share_of_g(error)} of g"
         assert expected in str(tabs("missing", views["at first"]).shown)
 
     @pytest.mark.parametrize(

@@ -443,7 +443,7 @@ class TestFigures:
         self, figures: list[Figure], compared: Comparison
     ) -> None:
         assert "title" not in figures[1]["layout"]
-        assert "% of the square on this axis" in str(share_of(compared.profiles[0], compared))
+        assert "% of the squared error of this axis" in str(share_of(compared.profiles[0], compared))
 
     def test_the_name_of_the_band_stands_on_a_ground_of_its_own(self, figures: list[Figure]) -> None:
         (note,) = figures[4]["layout"]["annotations"]

@@ -153,7 +153,7 @@ _FITTED: Template = By(
 _JUDGED: Template = ("{judged:flights}", When("differs_most", ", which differs most,"))
 _PREDICTS: Template = ("The model", _FITTED, " predicts ", _JUDGED)
 _LIMIT = "{limit_m_s2:number}, {close:percent} of the error on {reference:flights}"
-_BIAS: Template = When("whole_flights", "per-flight bias included", "apart from the per-flight bias")
+_BIAS: Template = When("whole_flights", "per-flight bias included", "per-flight bias removed")
 _HELD_OUT: Template = When(
     "whole_flights",
     "held-out flights (cross-validation)",

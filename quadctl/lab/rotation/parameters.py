@@ -411,9 +411,9 @@ class Rotation:
 
 
 def over(above: Value, below: Value) -> Value:
-    """Quotient of two positive parameters whose errors are independent."""
+    """Quotient of two parameters whose errors are independent; `below` is positive."""
     value = above.value / below.value
-    half = abs(value) * np.hypot((above.high - above.low) / above.value, (below.high - below.low) / below.value) / 2.0
+    half = np.hypot(above.high - above.low, value * (below.high - below.low)) / below.value / 2.0
     return Value(value, value - float(half), value + float(half))
 
 

@@ -43,7 +43,7 @@ class Ratio(Panel):
             empty("flight", "No model to fly yet", "Open a flight log and add what is missing.")
             return
         with tag("section", "card"):
-            heading("Thrust ratio", "The compensator divides the thrust command by it.")
+            heading("Thrust ratio", "The compensator divides the thrust command by this ratio.")
             with tag("p"):
                 explained(str(far(self.model)))
             if self.thrust_reservation:
@@ -151,7 +151,7 @@ class SimulatedFlight(Panel):
             world = "that obeys this model" if self.hidden is None else f"that obeys {self.hidden.name}"
             heading(
                 "Fly it in simulation",
-                f"A step down to the ground, {WITHOUT} and {WITH}, and one {FAR}, in a simulated world {world}.",
+                f"Simulates a step down to the ground {WITHOUT} and {WITH}, and one {FAR}, in a world {world}.",
             )
             if self.hidden is None:
                 tag("p", "muted", "It shows what the compensator does to the flight, not whether the model is right.")
@@ -228,7 +228,7 @@ def name_of_file(model: Model) -> str:
 
 COMMANDS = (
     ("fly with it as the compensator", "quadctl fly MISSION --model {name}"),
-    ("simulate that, in a world with its effects", "quadctl simulate MISSION --model {name} --hidden {name}"),
+    ("simulate the flight in a world with the same effects", "quadctl simulate MISSION --model {name} --hidden {name}"),
     ("give it to the autopilot", "quadctl export {name} --to px4"),
     ("compare it with a further flight", "quadctl compare {name} LOG"),
 )

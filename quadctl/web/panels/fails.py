@@ -60,8 +60,8 @@ class Failures(Panel):
             heading("Where the model fails")
             with tag("p", "muted"):
                 explained(
-                    "Sigma says how certain a difference is, not how large. The model is taken as it is exported: the "
-                    "per-flight bias, which cross-validation leaves out, counts here."
+                    "Sigma says how certain a difference is, not how large. Here the model is as it is exported: the "
+                    "per-flight bias is not removed, so errors are larger than at the top."
                 )
             if self.thrust_reservation:
                 tag("p", "note", self.thrust_reservation)
@@ -81,11 +81,11 @@ class Failures(Panel):
         telling = comparison.telling
         with tag("section", "card"):
             heading(
-                "Residual over each variable; the variable that explains most of the error of all axes comes first"
+                "Residual over each variable, the largest share of the error of all axes first"
                 if telling
-                else "No variable explains much of the error of all axes; these two explain most",
+                else "No single variable explains much of the error; the best two",
                 "Where the mean is on the zero line, the model is right. "
-                "Drag over a range to see where in the flight it occurred.",
+                "Drag over a range to see when these samples occurred.",
             )
             with tag("div", "panes"):
                 for profile in (telling or comparison.profiles[:2])[:SHOWN_PROFILES]:
@@ -152,7 +152,7 @@ class Selected(ChosenFlightPanel):
             if over is not None:
                 axis_name, variables = over
                 with tag("section", "card"):
-                    heading("Residual over the two variables that explain most of it", "Drag a box to select.")
+                    heading("Residual over the two most important variables", "Drag a box to select.")
                     drawn = error_map(comparison, axis_name, variables, self.theme)
                     shown = plot(drawn, f"residual_{axis_name}_map", "Residual over two variables")
                     _let_select(do, shown, axis_name, variables)

@@ -35,7 +35,7 @@ class Flights(Panel):
             return
         several = len(self.opened.usable) > 1
         with tag("section", "card"):
-            held = "A flight that is held out is in no fit, and the error at the top of the page is computed on it."
+            held = "A flight that is held out is used by no fit; the error at the top of the page is computed on it."
             heading("Flights", held if several else "")
             do.nest(WhichVehicle)
             for log in self.opened.logs:
@@ -47,7 +47,7 @@ class Flights(Panel):
     def _draw_hold_out(self, do: Controls) -> None:
         with tag("div", "line wrap"):
             with tag("span", "muted grow"):
-                explained("Cross-validation leaves out of the flights that fits may use, one fold at a time:")
+                explained("Cross-validation holds out, one of the folds at a time:")
             choice = ui.toggle(
                 {"blocks": "blocks of time", "flights": "whole flights"},
                 value=self.hold_out,

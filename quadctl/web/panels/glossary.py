@@ -30,27 +30,27 @@ GLOSSARY = {
         "seconds. It leaves out the lag of the controller itself; 0 means that the ground no longer shows."
     ),
     "per-flight bias": (
-        "The constant tilt and thrust offset that this vehicle needs on this day to hover: the battery is not where it "
-        "was, the level of the autopilot is off by a fraction of a degree. It is fitted for each flight by itself, "
-        "within 1.5% of the thrust and 0.8°: what is more is an effect."
+        "Offsets that are fitted to each flight: thrust, thrust axis, height, delays, attitude. The battery is not "
+        "where it was, the autopilot's level is off by a fraction of a degree. Within 1.5% of the thrust and 0.8°; "
+        "anything larger must be an effect."
     ),
     "far from the ground": (
-        "So high, 30 rotor radii, that the ground changes the thrust by less than 0.01%. A factor other than 1 there "
-        "is one of the whole thrust, at every height: thrust coefficient, mass or battery are not as the vehicle file "
-        "says. Curve and measured dots over height are divided by it, so that they show the ground alone."
+        "So high, 30 rotor radii, that the ground changes the thrust by less than 0.01%. If the factor there is "
+        "not 1, the thrust is off by it at every height: thrust coefficient, mass or battery are not those of the "
+        "vehicle file. Curve and measured dots over height are divided by it, so that they show the ground alone."
     ),
     "enough to matter": (
-        "An effect is called missing where chance does not give its gain (p below 0.01, for all that were tried "
-        "together) and it lowers the held-out error of one axis by more than 5% and 0.03 m/s², or by more than "
-        "0.1 m/s² (1% of g). What is as small as the bias of any flight is listed as there, but too small to matter."
+        "An effect is called missing where its gain is significant (p below 0.01, for all effects tried together) "
+        "and it lowers the held-out error of one axis by more than 5% and 0.03 m/s², or by more than "
+        "0.1 m/s² (1% of g). What is within the per-flight bias of any flight is listed as too small to matter."
     ),
     "lean taken for level": (
-        "An attitude estimator that levels itself by its accelerometer takes a part of the lean that accelerates the "
-        "vehicle for level: the true lean is larger by this share. At its limit, the attitude in the log is doubtful."
+        "An attitude estimator that levels itself by its accelerometer shows too little lean while the vehicle "
+        "accelerates: the true lean is larger by this share. At its limit, the attitude in the log is doubtful."
     ),
     "over seconds": (
-        "Many estimators average their accelerometer over seconds: they are wrong by an acceleration that lasts, and "
-        "are so still when it has ended. Without this, the error of such an estimator would look like a drag."
+        "Many estimators average their accelerometer over seconds: a long acceleration makes them wrong, also for "
+        "some seconds after it has ended. Without this, the error of such an estimator would look like a drag."
     ),
     "windows": (
         "Every window and tab of a browser at this address shows the same session, so that what is changed in one "

@@ -6,7 +6,7 @@ from quadctl.web.elements.html import tag
 from quadctl.web.panels.glossary import GLOSSARY
 
 STEPS = (
-    "Drop a flight log: the large number is the acceleration error of the model, and below it stands on which data.",
+    "Drop a flight log: the large number is the acceleration error of the model; the text below says on which data.",
     "What is missing names the effects that the model lacks, with their evidence; Add fits one, and the number falls.",
     "Where it fails and Over time show where, and when, an error is left.",
     "Compensator gives the model as a file, and flies it in simulation.",

@@ -24,8 +24,8 @@ from quadctl.web.panels.verdict import Verdict, draw_expression
 from quadctl.web.session.findings import Diagnosed
 from quadctl.words import Fact, fact
 
-NOT_NEEDED = "They explain what those above explain, and are not needed together with them."
-NO_HELP = "These effects do not reduce the held-out error by more than chance might, or not as they physically can."
+NOT_NEEDED = "Alternatives to the effects above, not needed beside them."
+NO_HELP = "Not significant, or only with parameters that are physically impossible."
 
 
 @dataclass(frozen=True)
@@ -57,7 +57,7 @@ class Candidates(Panel):
         near = [c for c in rest if is_supported(c) or c.family in alike]
         others = [c for c in rest if c not in near]
         if chosen:
-            several = "Each change is against the model with those before it; the parameters are of all together."
+            several = "Each change is beside the effects before it; the parameters are of one fit of all."
             heading("Missing effects, in the order of adding", several if len(chosen) > 1 else "")
             with tag("div", "candidates"):
                 for i, candidate in enumerate(chosen):

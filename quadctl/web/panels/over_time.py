@@ -81,7 +81,7 @@ class OverTime(ChosenFlightPanel):
             options = {"": "none", **self.comparable}
             chosen = self.beside if self.beside in options else ""
             ui.select(
-                options, value=chosen, label="A further model", on_change=lambda e: do.choose(beside=e.value)
+                options, value=chosen, label="Compare with another model", on_change=lambda e: do.choose(beside=e.value)
             ).props("dense outlined options-dense")
             upload = StreamedUpload()
             do.intake.receive(upload, lambda files: do.act(do.take_model(files[0])))
@@ -121,9 +121,7 @@ class AnyChannel(Panel):
             if drawn is None:
                 tag("p", "muted", "It has too few updates for a spectrum.")
             else:
-                tag(
-                    "p", "muted", "The analysis sees only what its filter lets pass; vibration lies to the right of it."
-                )
+                tag("p", "muted", "The analysis uses the frequencies below its filter; vibration lies above.")
                 plot(drawn, f"spectrum_of_{chosen[-1]}", f"Spectrum of {chosen[-1]}")
 
     def _draw_choice(self, do: Controls, offered: dict[str, str], chosen: tuple[str, ...]) -> None:

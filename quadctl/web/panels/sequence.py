@@ -66,7 +66,7 @@ class ModelSequence(Panel):
                 if evaluation.agreement is not None:
                     with tag("p", "what").props('id="agreement"'):
                         tag("b", "", str(evaluation.agreement.answer))
-                        tag("span", "", " The numbers are in Where it fails.")
+                        tag("span", "", " See the tab Where it fails.")
             do.nest(WhichVehicle)
             largest = max([*errors, now or 0.0, 1e-9])
             least = self.floor_m_s2

@@ -220,4 +220,4 @@ def _draw_nuisances(evaluation: Evaluation, seen: Dataset, found: Diagnosed | No
                         tag("td", "number limited" if is_limited else "number", f"{text} *" if is_limited else text)
         if at_limit:
             beyond = dict.fromkeys(BEYOND[SAME_CAUSE.get(name, name)] for name in at_limit)
-            tag("p", "note", f"* At the limit of what is an offset of one flight: {'; '.join(beyond)}.")
+            tag("p", "note", f"* At the limit: {'; '.join(beyond)}.")

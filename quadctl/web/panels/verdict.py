@@ -29,9 +29,8 @@ OPEN = "info"
 """Icon of a verdict that names nothing, and has no tick either."""
 ICONS = {"missing": "lightbulb", "unexplained": "help"}
 OF_BLOCKS = (
-    "Judged on blocks of time of these flights: this is what all of them tell of the vehicle. The other choice, whole "
-    "flights (on Flights), also counts what differs from flight to flight, and so tells what to expect of a further "
-    "one; of two or three flights it tells little."
+    "Judged on blocks of time of these flights. Holding out whole flights (tab Flights) shows what to expect of a new "
+    "flight, but needs more than three of them."
 )
 
 

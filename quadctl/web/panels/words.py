@@ -5,7 +5,7 @@ from enum import unique
 from quadctl.lab.comparison.wording import FORMATS, plain
 from quadctl.words import By, Kinds, Template, When, Words
 
-_ERROR: Template = "The model mispredicts acceleration by {error_m_s2:m/s²}, {error_m_s2:of_g} of g (RMSE), "
+_ERROR: Template = "Acceleration error of the model (RMSE): {error_m_s2:m/s²}, {error_m_s2:of_g} of g, "
 
 
 _WORDS = Words({**FORMATS, "family": plain, "any": lambda names: " or ".join(map(plain, names))})
@@ -28,16 +28,17 @@ class Said(Kinds, words=_WORDS):
     AS_IT_STANDS = "of the model as it stands, {bias}"
     HELD_OUT = "of the model as it is exported, per-flight bias included"
     DRAWN_WITHOUT_BIAS = (
-        "The line is drawn without the per-flight bias, as the model flies: it is off by {off_m_s2:m/s²} {axis}."
+        "The line does not include the per-flight bias, which the controller does not know: its error is "
+        "{off_m_s2:m/s²} {axis}."
     )
     NO_ACCELERATION_IS_CLOSER = (
-        "No acceleration at all would be a closer prediction here: it is {moves_m_s2:m/s²} {axis} (RMS)."
+        "A prediction of zero would be closer here: the measured acceleration is {moves_m_s2:m/s²} {axis} (RMS)."
     )
     APART = "What is fitted to each flight by itself differs beside that: {differences:listed}."
     APART_BY = "{name} by {least}{size:.2g}{unit}"
     AT_LIMIT = "At the limit of what is usual for a flight: {nuisances:listed}."
     OF_FLIGHTS = "{name} ({flights:listed})"
-    MORE_IS = "More than that would be a {family:family}, which these data do not establish (p {p:p})."
+    MORE_IS = "More would be a {family:family}, which these data do not support (p {p:p})."
     FACTOR_ONE = "Far from the ground the model gives the rotors the thrust that the vehicle file says: factor 1."
     FACTOR = (
         "Far from the ground the model gives the rotors {factor:.3f} times the thrust of the vehicle file. The curve "
@@ -58,7 +59,7 @@ class Said(Kinds, words=_WORDS):
         "high up, changes by {drop:change} (M_B from {without_m_s:.3f} to {compensated_m_s:.3f} m s). The whole "
         "tracking error, with the way that any step takes, changes by {rmse_drop:change} (RMSE).",
     )
-    SHARE = "{share:percent} of the square on this axis, {of_all:percent} of all axes, p {p:p}"
+    SHARE = "explains {share:percent} of the squared error of this axis, {of_all:percent} of that of all axes, p {p:p}"
     FITTED_TOGETHER = (
         "Figures and errors are of one fit of all parameters together: the effect with ",
         When("beside", "{beside:families} and the per-flight bias", "the per-flight bias"),
