@@ -206,7 +206,8 @@ def estimate(
     block = _blocks([len(f.wanted) for f in flights], block_rows)
     plain = solved(design, wanted)
     slopes = [_slope(regress, found.x, i, plain) for i in range(len(start))]
-    moved = _influences(np.column_stack([*slopes, design]), wanted - design @ plain, block)
+    columns = np.column_stack([*slopes, design])
+    moved = _influences(columns, wanted - design @ plain, block)
     linear, errors = plain, wanted - design @ plain
     if any(f.instruments is not None for f in flights):
         linear = solved(design, wanted, instruments)
@@ -217,7 +218,8 @@ def estimate(
         moved[:, len(start) :] = np.linalg.lstsq(instruments.T @ design, own.T, rcond=1e-13)[0].T
     count = len(moved)
     variance = np.sum(moved**2, axis=0) * count / max(count - 1, 1)
-    half = float(student.ppf(0.975, max(count - 1, 1))) * np.sqrt(variance)
+    reach = float(student.ppf(0.975, max(count - 1, 1)))
+    half = np.where(np.any(columns != 0.0, axis=0), reach * np.sqrt(variance), np.inf)  # what moves nothing is unknown
     named = {
         name: Value(float(v), float(v - h), float(v + h))
         for name, v, h in zip([*names, *shared], [*found.x, *linear], half, strict=True)
@@ -231,7 +233,8 @@ def estimate(
 def _influences(slopes: Floats, errors: Floats, block: NDArray[np.int64]) -> Floats:
     """What each block of samples moves the parameters by, shape (blocks, p), of least squares whose predictions have
     these slopes, shape (n, p), and these errors, shape (n,)."""
-    size = np.maximum(np.linalg.norm(slopes, axis=0), 1e-300)
+    size = np.linalg.norm(slopes, axis=0)
+    size[size == 0.0] = 1.0
     unit = slopes / size
     bread = np.linalg.pinv(unit.T @ unit, rcond=1e-12)
     return np.asarray(_by_block(unit * errors[:, None], block) @ bread / size)
