@@ -136,7 +136,8 @@ class Compensator:
         by_effect = self.model.thrust_by_effect([asked_n / n] * n, here.conditions)
         for thrusts, trust in zip(by_effect, here.trusts, strict=True):
             before, total = total, sum(thrusts)
-            ratio *= 1.0 + trust * (total / before - 1.0)
+            if before != 0.0:  # what changes a thrust of nothing has no ratio
+                ratio *= 1.0 + trust * (total / before - 1.0)
         return ratio
 
     def _felt_n(self, thrust_n: float) -> float:

@@ -220,6 +220,21 @@ def test_an_effect_from_a_book_is_trusted_at_all_heights(raptor: Vehicle) -> Non
     )
 
 
+@dataclass(frozen=True)
+class Nothing(ThrustRatio):
+    name: ClassVar[str] = "nothing.at_all"
+    depends_on: ClassVar[tuple[str, ...]] = ()
+
+    def ratio(self, c: Conditions, vehicle: Vehicle) -> Number:
+        return 0.0
+
+
+def test_what_would_leave_no_thrust_at_all_is_corrected_by_the_band(raptor: Vehicle) -> None:
+    """A form far beyond its heights gives 0: what follows it in the stack has a thrust of nothing to change."""
+    for stack in ((Nothing(), ConstantScale(1.1)), (ConstantScale(1.1), Nothing()), (Nothing(), PowerCurve(1.6))):
+        assert compensator(raptor, *stack)(state(), 0.0, 0.8 * WEIGHT_N).thrust_ratio == pytest.approx(0.7)
+
+
 @given(
     effects=st.lists(st.sampled_from(list(CATALOG.values())), max_size=5),
     data=st.data(),
