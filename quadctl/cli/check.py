@@ -77,7 +77,7 @@ def check(
         Path | None,
         Reads(),
         typer.Option(
-            "--log", metavar="LOG", help="Compare lag of the attitude and parameters with the log of an earlier flight."
+            "--log", metavar="LOG", help="Compare parameters and the attitude's lag with those of an earlier flight."
         ),
     ] = None,
     json_out: JsonOption = None,

@@ -69,7 +69,7 @@ TimeScaleOption = Annotated[
     typer.Option(
         "--time-scale",
         metavar="FACTOR|fit",
-        help="Stretch the time of the mission (2: half the speed); fit: the smallest from 1 that keeps all limits.",
+        help="Stretch the time of the mission (2: half the speed); fit: the smallest >= 1 that keeps all limits.",
     ),
 ]
 
@@ -131,11 +131,11 @@ def fly(
         str | None, typer.Option("--link", metavar="URL", help="auto, udpin://..., serial:///dev/...:BAUD")
     ] = None,
     sitl: Annotated[
-        bool, typer.Option("--sitl", help="Fly the built-in stand-in of an autopilot over MAVLink, in real time.")
+        bool, typer.Option("--sitl", help="Fly a simulated autopilot of quadctl's own over MAVLink, in real time.")
     ] = False,
     autopilot: Annotated[
         Simulated | None,
-        typer.Option("--autopilot", help="With --sitl: the autopilot that it stands in for [default: px4]."),
+        typer.Option("--autopilot", help="With --sitl: the autopilot to imitate [default: px4]."),
     ] = None,
     set_params: Annotated[
         bool, typer.Option("--set-params", help="Set the autopilot's parameters as needed, restore them afterwards.")
@@ -160,7 +160,11 @@ def fly(
     ] = 8091,
     view_token: Annotated[
         str | None,
-        typer.Option("--view-token", metavar="T", help="Token with which other computers may open the page, and land."),
+        typer.Option(
+            "--view-token",
+            metavar="T",
+            help="Token that lets other computers open the page and press its landing button.",
+        ),
     ] = None,
 ) -> None:
     """Fly a mission on an autopilot, unless `check` refuses it. Ctrl-C lands."""

@@ -63,8 +63,8 @@ NestedOption = Annotated[
     bool,
     typer.Option(
         "--nested",
-        help="Nested cross-validation: repeat the whole search without each part of the data, so that the choice of "
-        "effects has not seen it; several times slower.",
+        help="Nested cross-validation: repeat the whole search without each part of the data, and test it there; "
+        "several times slower.",
     ),
 ]
 AllOption = Annotated[
@@ -96,7 +96,7 @@ def compare(
 ) -> None:
     """Tell how wrong a model is on flights, and where.
 
-    Beside its acceleration error stands that of a regression on all logged variables, as a reference.
+    The error of a regression on all logged variables is printed as a reference.
     """
     logs = logs_among(model, logs, sensors)
     if sensors:

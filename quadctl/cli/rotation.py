@@ -19,13 +19,14 @@ def rotation(
     ],
     logs: LogArguments,
     rollouts: Annotated[
-        bool, typer.Option("--rollouts", help="Forecast the whole state where no fit saw it; needs a position.")
+        bool,
+        typer.Option("--rollouts", help="Test predictions of the whole state on held-out parts; needs a position."),
     ] = False,
     json_out: JsonOption = None,
     output: Annotated[
         Path | None,
         Writes(),
-        typer.Option("-o", "--output", metavar="NEW.yaml", help="Save a model that turns as these flights do."),
+        typer.Option("-o", "--output", metavar="NEW.yaml", help="Save a model with the rotational dynamics found."),
     ] = None,
 ) -> None:
     """Identify the rotational dynamics from logs.

@@ -38,8 +38,8 @@ TEMPLATES: Mapping[Kind, Template] = {
     Kind.NEXT_FLIGHT: "Next flight: {mission}; `quadctl suggest` compares all missions.",
     Kind.UNSEEN_BY_CHOICE: "On data that neither the fit nor the choice of effects has seen: {before:number} → "
     "{after:m/s²} on {data} ({searches} searches; {found:counts}).",
-    Kind.SEEN_BY_CHOICE: "These errors are of held-out data, but the effects were chosen with the same data: they may "
-    "be too small: --nested repeats the choice without each part, which takes several times as long.",
+    Kind.SEEN_BY_CHOICE: "These errors are of held-out data, and the effects were chosen with the same data, so "
+    "errors may be too small: --nested tests that, several times slower.",
     Kind.WHOLE_FLIGHTS: "With whole flights held out: {before:number} → {after:m/s²}.",
     Kind.PART_SEARCHED: "The search used {searched} of {all} samples, in stretches spread over the flights: errors are "
     "of these, parameters of what is missing of all samples.",

@@ -185,7 +185,7 @@ def test_two_models_lie_over_each_other(visitor: Visitor, session: Path, tmp_pat
     visitor.click("[role=tab]:has-text('Over time')")
     figure = visitor.figure("Flight over time")
     assert visitor.points(figure, f"step 2: + {ADDED}") == 0
-    visitor.page.get_by_label("A further model").last.click()
+    visitor.page.get_by_label("Compare with another model").last.click()
     visitor.click("[role=option]:has-text('step 2')")
     visitor.page.wait_for_function(_HAS_CURVE, arg=f"step 2: + {ADDED}")
     visitor.page.locator(".beside input[type=file]").set_input_files(exported)
@@ -297,7 +297,7 @@ def test_a_telephone_shows_first_the_verdict_then_what_to_do_then_figures(visito
     tops = [box["y"] for box in boxes if box is not None]
     assert tops == sorted(tops) if visitor.is_on_phone else tops[2] == min(tops)
     visitor.click("[role=tab]:has-text('Where it fails')")
-    visitor.sees(".figure figcaption:has-text('of the square on this axis')")
+    visitor.sees(".figure figcaption:has-text('of the squared error of this axis')")
     assert visitor.page.locator("figcaption:visible").evaluate_all(CUT) == []
     names = visitor.page.locator(".header-button").evaluate_all(_SHORT_NAMES)
     assert names == (['"New"', '"Save"', '"Report"', '"Export"'] if visitor.is_on_phone else 4 * ["none"])

@@ -210,7 +210,7 @@ class Diagnosis(Result):
         missing = {step.effect for step in self.steps}
         supported = [c for c in self.ranking if c.effect.name in missing or is_supported(c)]
         title = (
-            "Missing effects (*), each added to those above it; then others that explain as much"
+            "Missing effects (*), each added to those above it; then others that are supported, too"
             if self.missing
             else "Significant alone, but they do not explain the error that is left"
         )
