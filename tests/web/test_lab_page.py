@@ -172,7 +172,7 @@ def test_without_a_log_a_sample_flight_is_flown_and_a_tap_explains_a_word(
     visitor.click("button:has-text('Try a sample flight')")
     visitor.sees(".banner.search")
     visitor.click("button.term:has-text('per-flight bias')")
-    assert "to hover" in visitor.sees("p.meaning")
+    assert "fitted to each flight" in visitor.sees("p.meaning")
     visitor.keeps("sample-and-word")
     if visitor.is_on_phone:  # the same search
         visitor.click(".banner.search button:has-text('Cancel')")
