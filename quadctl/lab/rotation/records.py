@@ -68,7 +68,6 @@ class Record:
     integrated: bool = False
     """True where each rate is the mean since the one before, by trapezoids: neighbours share the sample at their
     border, and its noise."""
-
     own_times: bool = False
     """True where gyro and commands have their own times: in the rows of a table a command may stand before the sample
     that it answers, and acts a row later at least."""
@@ -81,6 +80,8 @@ class Record:
     """Standard deviation of the velocity's error, as far as its source tells it."""
     down: Floats | None = None
     """Direction of gravity in body axes, shape (n, 3)."""
+    begin_s: float = 0.0
+    """Time of the first sample in the log."""
 
     @property
     def measured_s(self) -> float:
@@ -230,6 +231,7 @@ def _parts(
                     drive.unknown,
                     ESTIMATED_M_S if "autopilot" in log.meta else 0.0,
                     own[3],
+                    float(clock[part.start]),
                 )
             )
     return found

@@ -60,10 +60,9 @@ def flown_of(log: FlightLog, vehicle: Vehicle, span_s: Span | None = None) -> Fl
     """
     if not all(map(log.has, (*POSITION, *VELOCITY, *ATTITUDE))):
         raise LogError(f"{log.name}: has no position, velocity or attitude, expected all to forecast the whole state")
-    span_s = span_s or _longest_usable(log)
-    record = record_of(log, vehicle, span_s)
-    sampled = span_s[0] + record.step_s * np.arange(len(record.rates))
-    clock = np.arange(span_s[0], sampled[-1], STEP_S)
+    record = record_of(log, vehicle, span_s or _longest_usable(log))
+    sampled = record.begin_s + record.step_s * np.arange(len(record.rates))
+    clock = np.arange(sampled[0], sampled[-1], STEP_S)
 
     def of_log(names: Sequence[str]) -> Floats:
         rows = log.updates(*names)

@@ -13,8 +13,9 @@ from quadctl.lab.rotation.commands import fit_mixer
 from quadctl.lab.rotation.innovations import Value, held_response
 from quadctl.lab.rotation.parameters import AXES, Rotation, fit_axis, fit_rotation, known_lag, together
 from quadctl.lab.rotation.records import AROUND_S, Record, records_of
+from quadctl.lab.rotation.unseen import flown_of
 from quadctl.logs.columns import TORQUE
-from quadctl.logs.flight_log import FlightLog
+from quadctl.logs.flight_log import ATTITUDE, POSITION, VELOCITY, FlightLog
 from quadctl.logs.read import read_imu_log
 from quadctl.model import load_model
 from tests.lab.rotation.logged_loop import STEP_S, VEHICLE, Truth, flight, mixer
@@ -86,6 +87,17 @@ class TestSetpoints:
         assert left_s > 2.0 * (0.5 + 1.8 * AROUND_S)
         told = fit_rotation(parts, VEHICLE).told("roll")
         assert told["lag_s"].low < TRUTH.lag_s < told["lag_s"].high
+
+    def test_the_track_of_a_forecast_has_the_times_of_its_record(self) -> None:
+        """The longest part begins after an output has saturated: position and rates are of the same instants."""
+        log = flight(TRUTH, 4, pushed=(20.0,))
+        pose = dict.fromkeys((*POSITION, *VELOCITY, *ATTITUDE), np.full(len(log), 0.3)) | {"x_m": 2.0 * log.time_s}
+        flown = flown_of(replace(log, columns=log.columns | pose), VEHICLE, (0.0, 70.0))
+        times = flown.record.begin_s + 0.01 * np.arange(len(flown.track.rates))
+        assert 20.5 < times[0] < 21.5 and 69.0 < times[-1] <= 70.0
+        assert flown.track.position[:, 0] == pytest.approx(2.0 * times)
+        logged = np.interp(times, log.time_s, log["roll_rate_rad_s"])
+        assert flown.track.rates[:, 0] == pytest.approx(logged, abs=1e-9)
 
     def test_a_log_without_fast_commands_is_refused_with_what_it_has(self, log: FlightLog) -> None:
         slow = replace(log, columns={name: c for name, c in log.columns.items() if name not in TORQUE})
