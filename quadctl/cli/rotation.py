@@ -51,7 +51,7 @@ def rotation(
     console.print(answer(found))
     if unseen is not None:
         console.print(forecasts(unseen))
-    if output is not None:
+    write_json(json_out, found.to_dict() | ({"rollouts": unseen.to_dict()} if unseen is not None else {}))
+    if output is not None:  # a refusal of a new model loses nothing of what was found
         save_model(with_rotation(model, found), output)
         print_saved(output)
-    write_json(json_out, found.to_dict() | ({"rollouts": unseen.to_dict()} if unseen is not None else {}))

@@ -69,7 +69,7 @@ def statement(
 
 
 def _missing(diagnosis: Diagnosis, unseen: Collection[str]) -> list[Finding | Fact]:
-    """What is said below the verdict on what is missing."""
+    """Findings below the verdict on what is missing."""
     more: list[Finding | Fact] = [found for found in diagnosis.answer if found.kind is Kind.ERROR]
     if unseen:
         more = [fact(Answer.FOR_FITTING, finding=in_words(found)) for found in more]

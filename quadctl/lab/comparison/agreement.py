@@ -131,7 +131,7 @@ class Agreement:
 
     @property
     def answer(self) -> Fact:
-        """Whether the flights agree, in a few words."""
+        """Agreement of the flights, in a few words."""
         if self.verdict in ("otherwise", "worse", "better"):
             return fact(Said.DIFFER)
         if self.verdict == "not known":
@@ -145,7 +145,7 @@ class Agreement:
 
     @property
     def parts(self) -> list[Fact]:
-        """Whether the flights agree, and the reasons for it, as parts of a sentence."""
+        """Agreement of the flights, and the reasons for it, as parts of a sentence."""
         facts = vars(self) | {"verdict": self.verdict, "limit_m_s2": self.limit_m_s2, "close": CLOSE}
         errors, shift = fact(Said.ERRORS, **facts), [] if self.shift is None else [self._said(self.shift)]
         if self.verdict == "otherwise":

@@ -47,7 +47,7 @@ class Remainder:
         return self._share(self.by_causes_m_s2)
 
     def said(self, flights: Sequence[str] = ()) -> Fact:
-        """How far the error is above the reference error, and what explains the difference; `flights` are those held
+        """Distance of the error from the reference error, and what explains it; `flights` are those held
         out of all fits."""
         near = Said.NEAR_FLOOR if self.is_near_the_floor else Said.REMAINS
         shares = {"above": self.above_the_floor, "explained": self.explained, "by_causes": self.explained_by_causes}

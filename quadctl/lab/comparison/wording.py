@@ -320,7 +320,7 @@ def held_out(dataset: Dataset) -> Fact:
 
 
 def bias_of(seen: Dataset) -> Fact:
-    """Whether an error on held-out parts of `seen` counts the per-flight bias: of a flight which no fit has seen, it is
+    """Part of the per-flight bias in an error on held-out parts of `seen`: of a flight which no fit has seen, it is
     not known."""
     return fact(Said.BIAS, whole_flights=seen.whole_flights)
 

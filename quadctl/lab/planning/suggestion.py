@@ -160,7 +160,7 @@ class Suggestion(Result):
 
     @property
     def reasons(self) -> list[Fact]:
-        """What the best option is expected to tell; none where no flight is suggested."""
+        """Parameters that the best option is expected to tell; none where no flight is suggested."""
         best = self.best
         if best is None:
             return []
@@ -174,7 +174,7 @@ class Suggestion(Result):
 
     @property
     def answer(self) -> list[Fact]:
-        """What is left out, and the suggestion."""
+        """Missions left out, and the suggestion."""
         found = [fact(Said.LEFT_OUT, reason=reason) for reason in self.left_out]
         found += [] if self.surface is None else [fact(Said.SURFACE, surface=self.surface)]
         if self.best is not None:

@@ -53,7 +53,7 @@ def filled_in(clock_s: Floats, gyro: Floats | None, time_s: Floats, command: Flo
     between = np.column_stack([np.interp(clock_s, time_s, column) for column in command.T])
 
     def beside(values: Floats, at_s: Floats) -> Floats:
-        """What the straight line between the neighbours misses."""
+        """Distance of each value from the straight line between its neighbours."""
         share = ((at_s[1:-1] - at_s[:-2]) / (at_s[2:] - at_s[:-2]))[:, None]
         return np.asarray(values[1:-1] - (1.0 - share) * values[:-2] - share * values[2:])
 

@@ -42,7 +42,7 @@ SETTLED_S = 2.0
 
 @dataclass(frozen=True, eq=False)
 class Forecast:
-    """What the past is explained by, and what a forecast from it trusts."""
+    """Physics that explains the past, and the share of it that a forecast trusts."""
 
     past: Physics
     """Moments as estimated, by which the slow moment is observed."""
@@ -99,7 +99,7 @@ TRUSTED = (
     _Free("elasticity", 1.0, 0.4, 2.0, 0.2),
     _Free("inflow_1_s", 0.5, -1.0, 3.0, 0.2),
 )
-"""What a forecast trusts: shares of roll and pitch in proportion to their estimates, those of yaw apart."""
+"""Parameters that a forecast trusts: shares of roll and pitch in proportion to their estimates, those of yaw apart."""
 NOISY = ("tilting", "turning", "across", "up")
 """The moments about roll and pitch, that about yaw, the forces along the ground and that along the vertical."""
 LOWEST, HIGHEST = (-6.0, -1.5, -7.0, -12.0), (-0.2, 3.5, 4.0, 5.0)

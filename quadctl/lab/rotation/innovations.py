@@ -41,8 +41,8 @@ class Regression:
     shared: Floats
     own: Floats
     instruments: Floats | None = None
-    """What the errors are independent of, in place of each shared column, shape (n, p): where a column answers the
-    disturbance before the sensor shows it."""
+    """Signals of which the errors are independent, in place of each shared column, shape (n, p): where a column answers
+    the disturbance before the sensor shows it."""
 
 
 @dataclass(frozen=True)
@@ -231,7 +231,7 @@ def estimate(
 
 
 def _influences(slopes: Floats, errors: Floats, block: NDArray[np.int64]) -> Floats:
-    """What each block of samples moves the parameters by, shape (blocks, p), of least squares whose predictions have
+    """Influence of each block of samples on the parameters, shape (blocks, p), of least squares whose predictions have
     these slopes, shape (n, p), and these errors, shape (n,)."""
     size = np.linalg.norm(slopes, axis=0)
     size[size == 0.0] = 1.0

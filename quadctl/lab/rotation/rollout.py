@@ -45,7 +45,7 @@ class Track:
 
 @dataclass(frozen=True)
 class Late:
-    """How late the rotors follow their commands."""
+    """Delay and lag of the rotors behind their commands."""
 
     delay_s: float
     lag_s: float

@@ -119,7 +119,7 @@ class Verification(Result):
 
     @property
     def answer(self) -> list[Fact]:
-        """What changed and what is missing, of each flight, and the verdict."""
+        """Changes and missing effects of each flight, and the verdict."""
         found = []
         first: dict[tuple[str, str], str] = {}
         for check in self.checks:

@@ -65,7 +65,7 @@ _WORDS = Words({"plus": plus, "change": lambda pair: change_in_words(1.0 - abs(p
 
 @unique
 class Said(Kinds, words=_WORDS):
-    """What the ground and the step do to two flights, each with its template."""
+    """Effects of the ground and of the step on two flights, each with its template."""
 
     GROUND = (
         "From compensator '{first}' to '{last}', what the ground does to the flight (M_B) goes from {absolute[0]:.3f} "
@@ -79,7 +79,7 @@ class Said(Kinds, words=_WORDS):
 
 
 def effect_of_the_ground(steps: StepResponses) -> list[Fact]:
-    """What the ground does to the first and to the last flight, and their tracking errors; none of a single flight."""
+    """Effect of the ground on the first and on the last flight, and their tracking errors; none of a single flight."""
     pair = first_and_last(steps)
     if pair is None:
         return []

@@ -178,7 +178,7 @@ def corrects_near_the_ground(model: Model) -> bool:
 
 
 def answer(model: Model, steps: StepResponses) -> Fact | None:
-    """Whether the compensator helps, by how much, and by which measure; None where the flights have no measure."""
+    """Benefit of the compensator, and the measure of it; None where the flights have no measure."""
     if not corrects_near_the_ground(model):
         return fact(Said.NO_GROUND)
     without, compensated = (steps.flown[name] for name in (WITHOUT, WITH))

@@ -145,7 +145,7 @@ def kind_of(evaluation: Evaluation) -> Fact:
 
 
 def apart(evaluation: Evaluation) -> list[Fact]:
-    """What was fitted to each flight by itself and differs much from flight to flight; none where nothing does."""
+    """Biases of single flights that differ much from flight to flight; none where nothing does."""
     fitted = evaluation.solution.optimum.nuisances
     found = []
     for place, kind in enumerate(KINDS):

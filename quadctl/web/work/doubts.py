@@ -61,7 +61,7 @@ def doubt_beside(log: FlightLog, source: str | None, first: FlightLog, first_sou
 
 
 def cautions_of(report: QualityReport, bandwidth_hz: float, used_s: tuple[float, float]) -> list[Fact]:
-    """What the data of a log lack that its residual, of this bandwidth, may show.
+    """Shortcomings of the data of a log that its residual, of this bandwidth, may show.
 
     `used_s` are the first and the last time that are used: a gap before the take-off is none of the residual.
     """
