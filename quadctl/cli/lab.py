@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from quadctl.cli.app import app, console
-from quadctl.cli.inputs import find, find_missions
-from quadctl.cli.output import JsonOption, print_saved, say, write_json
+from quadctl.cli.inputs import find
+from quadctl.cli.output import JsonOption, print_saved, say, tell, write_json
 from quadctl.cli.overwriting import Reads, Writes, WritesInto
 from quadctl.cli.sensors import (
     PlotOption,
@@ -174,9 +174,7 @@ def suggest(
     missions: Annotated[
         Path,
         Reads(),
-        typer.Option(
-            "--missions", metavar="DIR", help="Folder of the missions to choose from.", callback=find_missions
-        ),
+        typer.Option("--missions", metavar="DIR", help="Folder of the missions to choose from.", callback=find),
     ] = Path("missions"),
     json_out: JsonOption = None,
     hold_out: HoldOutOption = "blocks",
@@ -492,7 +490,7 @@ def _print_notes(study: "Study") -> None:
     """Print which parts of the logs were left out, and why: a result on half a file must not look like one on all."""
     for flight in study.seen.flights:
         for note in flight.notes:
-            say(f"{flight.name}: {note}")
+            tell(f"{flight.name}: {note}")
 
 
 def _point_to_verify(study: "Study", model: Path, logs: Sequence[Path]) -> None:

@@ -48,6 +48,8 @@ LEAST_VALUE = 0.01
 """Least value of a parameter, as a share of its range, with which the width of its interval is compared."""
 EQUAL_GAIN = 0.1
 """Gains that differ by less are equal; a mission whose gains are all smaller is not worth flying."""
+SHOWN_OPTIONS = 10
+"""Missions in the table of a suggestion."""
 UNKNOWN = 20.0
 """Relative width beyond which an interval is printed as unknown."""
 
@@ -142,7 +144,9 @@ class Suggestion(Result):
         }
 
     def __rich__(self) -> RenderableType:
-        table = Table(title="Expected result of each mission combined with the data so far", title_justify="left")
+        shown, count = self.options[:SHOWN_OPTIONS], len(self.options)
+        which = "Missions" if len(shown) == count else f"The best {len(shown)} of {count} missions"
+        table = Table(title=f"{which}, as expected with the data so far", title_justify="left")
         table.add_column("mission", no_wrap=True)
         for one, other in self.pairs:
             table.add_column(f"{one}\nor {other}", justify="right")
@@ -151,12 +155,14 @@ class Suggestion(Result):
         if self.untried:
             table.add_column("untried effects\nit would show", justify="right")
         table.add_column("s", justify="right")
-        for option in self.options:
+        for option in shown:
             row = [option.mission.name, *(f"{sigma:.1f} sigma" for sigma in option.sigmas)]
             row += [_plus_minus(option.width)] if option.width is not None else []
             row += [f"{len(option.tries)} of {len(self.untried)}"] if self.untried else []
             table.add_row(*row, f"{option.mission.duration_s:.0f}")
-        return Group(table, Text("\n".join(map(str, self.answer))))
+        first, *others = map(str, self.answer)
+        command = Text(first, no_wrap=True, overflow="ignore")  # to be copied
+        return Group(command, *([Text("\n".join(others))] if others else []), table)
 
     @property
     def reasons(self) -> list[Fact]:
@@ -174,15 +180,15 @@ class Suggestion(Result):
 
     @property
     def answer(self) -> list[Fact]:
-        """Missions left out, and the suggestion."""
-        found = [fact(Said.LEFT_OUT, reason=reason) for reason in self.left_out]
-        found += [] if self.surface is None else [fact(Said.SURFACE, surface=self.surface)]
+        """The suggestion, and the missions left out."""
+        more = [] if self.surface is None else [fact(Said.SURFACE, surface=self.surface)]
+        more += [fact(Said.LEFT_OUT, reason=reason) for reason in self.left_out]
         if self.best is not None:
-            found += [fact(Said.TESTABLE, effects=self.best.tries)] if self.best.tries else []
-            return [*found, fact(Said.FLY, command=self.best.command)]
+            tries = [fact(Said.TESTABLE, effects=self.best.tries)] if self.best.tries else []
+            return [fact(Said.FLY, command=self.best.command), *tries, *more]
         asked = self.pairs or self.untried or (self.width is not None and self.width > NARROW)
         unknown = Said.NO_CANDIDATE if self.unexplained else Said.NO_QUESTION
-        return [*found, fact(Said.NONE_TELLS_MORE if asked else unknown)]
+        return [fact(Said.NONE_TELLS_MORE if asked else unknown), *more]
 
 
 @dataclass(frozen=True, eq=False)

@@ -210,7 +210,7 @@ class Diagnosis(Result):
         missing = {step.effect for step in self.steps}
         supported = [c for c in self.ranking if c.effect.name in missing or is_supported(c)]
         title = (
-            "Missing effects (*), each added to those above it; then others that are supported, too"
+            "Missing (*), each beside those above it; and supported rivals"
             if self.missing
             else "Significant alone, but they do not explain the error that is left"
         )
@@ -263,7 +263,7 @@ def _table(
     for c in candidates:
         is_missing = c.effect.name in missing
         name = Text(f"{'* ' if is_missing else ''}{c.effect.name}", style="bold" if is_missing else "")
-        parameters = parameter_lines(c.effect, c.ci95) if c.ci95 else []
+        parameters = parameter_lines(parameters_of(c.effect, c.ci95)) if c.ci95 else []
         why_not = [] if is_missing or against is None else [f"no: {on_terminal(against[c.effect.name])}"]
         table.add_row(
             Group(name, *([Padding(Text("\n".join([*parameters, *why_not])), (0, 1, 0, 2))])),

@@ -14,6 +14,7 @@ from quadctl.effects import Effect
 from quadctl.errors import SettingsError
 from quadctl.lab.arrays import Floats
 from quadctl.lab.comparison.wording import ERRORS, parameters_in_words
+from quadctl.lab.finding import parameters_of
 from quadctl.lab.fitting.bootstrap import drop_interval
 from quadctl.lab.fitting.fitted_model import FittedModel, fit_as_it_stands, fit_model, is_fitted_to
 from quadctl.lab.fitting.fitter import Fitter, Optimum
@@ -147,7 +148,7 @@ class Refit(Result):
             "The model now contains:" if self.model.stack else "The model now contains no effect: the rigid body."
         )
         for item in self.model.stack:
-            words = parameters_in_words(item.effect, item.fitted.ci95 if item.fitted else {})
+            words = parameters_in_words(parameters_of(item.effect, item.fitted.ci95 if item.fitted else {}))
             lines.append(f"  {item.effect.name}: {words}")
         lines += [f"Note: {remark}." for remark in self.remarks]
         if self.conclusion:

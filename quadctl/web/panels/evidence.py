@@ -159,7 +159,7 @@ def _beside(candidate: Candidate) -> Fact:
 
 def draw_suggestion(suggestion: Suggestion) -> None:
     """Draw the command of the best mission with what it is expected to tell, or why none is suggested."""
-    *reasons, answer = map(str, suggestion.answer)
+    answer, *reasons = map(str, suggestion.answer)
     if suggestion.best is None:
         tag("p", "", answer)
     else:
