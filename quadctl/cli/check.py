@@ -55,7 +55,7 @@ def check(
         Reads(),
         typer.Argument(
             metavar="[VEHICLE.yaml] MISSION",
-            help="Vehicle file [default: of the model, else of the configuration]; mission file, or its name: figure8.",
+            help="Mission file or name (figure8); before it a vehicle file [default: of the model or configuration].",
             callback=_found,
         ),
     ],

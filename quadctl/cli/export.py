@@ -40,7 +40,7 @@ def export(
         typer.Option(
             "--to",
             metavar="px4|ardupilot|casadi|numpy|rotorpy|crazyflow|gazebo|sih|sitl",
-            help="Parameters, or equations of motion.",
+            help="Autopilot, equations of motion, or simulator (sih: PX4's, sitl: ArduPilot's).",
         ),
     ],
     output: Annotated[
@@ -50,14 +50,14 @@ def export(
         Path | None,
         Reads(),
         typer.Option(
-            "--now", metavar="FILE", help="The vehicle's present parameters (.params, .parm), or a log of it."
+            "--now", metavar="FILE", help="The vehicle's present parameters (.params, .parm), or a flight log."
         ),
     ] = None,
     link: Annotated[
         str | None, typer.Option("--link", metavar="URL", help="Ask the vehicle for its present parameters.")
     ] = None,
     apply: Annotated[
-        bool, typer.Option("--apply", help="Write them to the vehicle at --link, after a question.")
+        bool, typer.Option("--apply", help="Write the exported parameters to --link, after a question.")
     ] = False,
     undo: Annotated[bool, typer.Option("--undo", help="Restore what --apply has changed.")] = False,
     yes: Annotated[bool, typer.Option("--yes", help="Do not ask before --apply.")] = False,
@@ -178,8 +178,10 @@ def _print(rows: "list[Row]") -> None:
             present = "" if row.present is None else f"{row.present:.4g}{' confirmed' if row.is_confirmed else ''}"
             table.add_row(row.name, f"{found.value:.4g}", interval, present)
     console.print(table)
-    for row in rows:
+    for row in (row for row in rows if row.estimate is not None):
         tell(f"{row.name}: {said(row, with_interval=False)}")
+    for row in (row for row in rows if row.estimate is None):
+        tell(f"Not exported: {row.name}: {said(row, with_interval=False)}")
 
 
 def _as_dict(row: "Row") -> dict[str, object]:

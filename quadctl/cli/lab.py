@@ -202,7 +202,7 @@ def add(
         str,
         Reads(),
         typer.Argument(
-            metavar="EFFECT", help="Name of an effect, e.g. ground_effect.exponential, or FILE.py of your own."
+            metavar="EFFECT", help="Effect or family, e.g. rotor_drag.linear or rotor_drag; or FILE.py of your own."
         ),
     ],
     model: ModelArgument,
@@ -408,7 +408,7 @@ def metrics(
         ),
     ] = None,
     setpoint: Annotated[
-        float | None, typer.Option("--setpoint", metavar="Z", help="Constant reference, m, where the log has none.")
+        float | None, typer.Option("--setpoint", metavar="Z", help="Constant setpoint, m, where the log has none.")
     ] = None,
     begin: Annotated[float | None, typer.Option("--from", metavar="T", help="Start of the window, s.")] = None,
     end: Annotated[float | None, typer.Option("--to", metavar="T", help="End of the window, s.")] = None,
@@ -417,7 +417,8 @@ def metrics(
 ) -> None:
     """Measure the tracking errors of a step.
 
-    M_A is the integral of the error, M_B that of the difference from the reference flight; MAE, RMSE.
+    M_A is the integral of the error, M_B that of the difference from the reference
+    flight. Also MAE and RMSE.
 
     The window is --from and --to, or --phase, or the phases named 'step'; without phases, the step found in the log.
     """

@@ -34,11 +34,11 @@ TEMPLATES: Mapping[Kind, Template] = {
     Kind.PART_UNEXPLAINED: "Part of the remaining error depends on the logged variables; no known effect explains it.",
     Kind.CONFOUNDED: "{family:Family} or {others:others}: these data do not distinguish them.",
     Kind.FLIGHTS_DIFFER: "The flights differ in {parameter} of {effect} (p {p:p}): {flights:parameters}.",
-    Kind.NEXT_FLIGHT: "Next flight: {mission}; `quadctl suggest` compares all missions.",
+    Kind.NEXT_FLIGHT: "A flight to tell more: {mission}; `quadctl suggest` simulates all missions and ranks them.",
     Kind.UNSEEN_BY_CHOICE: "On data that neither the fit nor the choice of effects has seen: {before:number} → "
     "{after:m/s²} on {data} ({searches} searches; {found:counts}).",
-    Kind.SEEN_BY_CHOICE: "These errors are of held-out data, and the effects were chosen with the same data, so "
-    "errors may be too small: --nested tests that, several times slower.",
+    Kind.SEEN_BY_CHOICE: "The effects were chosen by these same held-out errors, which may thus be too small: "
+    "--nested tests that, several times slower.",
     Kind.WHOLE_FLIGHTS: "With whole flights held out: {before:number} → {after:m/s²}.",
     Kind.PART_SEARCHED: "The search used {searched} of {all} samples, in stretches spread over the flights: errors are "
     "of these, parameters of what is missing of all samples.",

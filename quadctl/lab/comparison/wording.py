@@ -230,7 +230,7 @@ class Said(Kinds, words=Words(FORMATS)):
         When(
             "average",
             (
-                " (on average over the flight by ",
+                " (its average over the flight: ",
                 By("axis", {"up": "{average_share:.1%}"}, "{average_m_s2:.2f} m/s²"),
                 ")",
             ),
@@ -249,7 +249,7 @@ class Said(Kinds, words=Words(FORMATS)):
         By("one", {True: "changes"}, "change"),
         " mostly because the controller counters disturbances: a residual that depends on ",
         By("one", {True: "it"}, "them"),
-        " may come from the controller, and not from a missing effect.",
+        " may come from the controller instead of a missing effect.",
     )
     UNEXPLAINED = "Along {axes:listed} no logged variable explains much of the error."
     ERROR_ALONG = "{axis} ({error_m_s2:m/s²}, {share:percent} of the squared error)"
@@ -311,7 +311,7 @@ class Said(Kinds, words=Words(FORMATS)):
     THRUST_ASSUMED = "{names:Listed} assumed: a wrong mass or thrust would look the same"
     ASSUMED = "Assumed, and not measured: {names:listed}"
     OPEN_LOOP = (
-        "After {horizon_s:g} s the predicted position is off by {position} (at constant velocity: {held_m:.3g} m)."
+        "After {horizon_s:g} s the predicted position is off by {position} (velocity held constant: {held_m:.3g} m)."
     )
     LOOKS_LIKE = "Looks like {families:families}: these data do not distinguish them."
 

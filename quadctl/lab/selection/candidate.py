@@ -76,6 +76,11 @@ class Candidate:
         return {axis: 1.0 - self.after[axis] / max(self.before[axis], LEAST_ERROR) for axis in axes}
 
     @property
+    def axis(self) -> str:
+        """Axis on which the effect helps most."""
+        return max(self.drops, key=self.drops.__getitem__)
+
+    @property
     def largest_drop(self) -> float:
         """Relative drop on the axis on which the effect helps most."""
         return max(self.drops.values())

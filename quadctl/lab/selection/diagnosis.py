@@ -43,6 +43,7 @@ from quadctl.lab.symbolic.formula import Symbolic
 from quadctl.lab.threads import one_blas_thread
 from quadctl.lab.words import in_words
 from quadctl.model import Model
+from quadctl.words import count
 
 UNITS = {"total": "", "turning": " N m", "sensing": " (IMU)"}
 
@@ -210,13 +211,13 @@ class Diagnosis(Result):
         missing = {step.effect for step in self.steps}
         supported = [c for c in self.ranking if c.effect.name in missing or is_supported(c)]
         title = (
-            "Missing (*), each beside those above it; and supported rivals"
+            "Missing (*), in the order of adding; then alternatives"
             if self.missing
             else "Significant alone, but they do not explain the error that is left"
         )
         tables = [_table(title, supported, missing)] if supported else []
         rest = len(self.ranking) - len(supported)
-        more = f"{rest} other effects are not supported, and {len(self.untried)} were not tried: --all says why."
+        more = f"Not supported: {count(rest, 'other effect')}; not tried: {len(self.untried)}. --all says why."
         return Group(
             Text(on_terminal(_told(self.answer))),
             *([self.symbolic] if self.symbolic else []),
@@ -258,7 +259,7 @@ def _table(
     others stands what is `against` them, by their names."""
     table = Table(title=title, title_justify="left", box=box.SIMPLE_HEAVY, show_edge=False, padding=0)
     table.add_column("effect, and its parameters [95 %]")
-    for heading in ("held-out error", "change", "p"):
+    for heading in ("held-out error", "change", "by axis", "p"):
         table.add_column(heading, justify="right", no_wrap=True)
     for c in candidates:
         is_missing = c.effect.name in missing
@@ -269,6 +270,7 @@ def _table(
             Group(name, *([Padding(Text("\n".join([*parameters, *why_not])), (0, 1, 0, 2))])),
             f"{error_in_table(c.before[c.measure])} -> {error_in_table(c.after[c.measure])}" + UNITS[c.measure],
             f"{-c.held_out_drop:+.1%}",
+            f"{-c.largest_drop:+.0%} {c.axis}",
             p_in_table(c.p_value),
         )
     return table

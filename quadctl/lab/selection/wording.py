@@ -44,7 +44,7 @@ def candidate_in_words(c: Candidate) -> str:
     improvement = fact(
         Answer.SUPPORTED if is_supported(c) else Answer.NOT_SEPARATE if is_plausible(c) else weak,
         drop=c.held_out_drop,
-        axis=max(c.drops, key=c.drops.__getitem__),
+        axis=c.axis,
         largest_drop=c.largest_drop,
         distinguished_by=c.effect.distinguished_by,
     )
