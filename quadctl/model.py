@@ -83,6 +83,10 @@ class Model:
         stack = tuple(replace(old, effect=new) for new, old in zip(effects, self.stack, strict=True))
         return replace(self, stack=stack)
 
+    def without(self, effect: Effect) -> "Model":
+        """Copy without one of its effects; the others keep their parameters."""
+        return replace(self, stack=tuple(item for item in self.stack if item.effect is not effect))
+
     def in_air(self, c: Conditions) -> Conditions:
         """The same conditions with the velocity relative to the air, as the effects want them."""
         for effect in self.effects_on_air:

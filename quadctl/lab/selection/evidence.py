@@ -8,7 +8,7 @@ from quadctl.lab.fitting.bootstrap import drop_interval
 from quadctl.lab.fitting.fitted_model import FittedModel, fit_model
 from quadctl.lab.selection.candidate import LEAST_ERROR, measure_of
 from quadctl.lab.selection.effect_curves import EffectCurve, fitted_effect_curves
-from quadctl.lab.selection.removal import held_effect, without
+from quadctl.lab.selection.removal import held_effect
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,7 +51,7 @@ def evidence_for(name: str, fit: FittedModel) -> Evidence:
         The model holds no such effect.
     """
     effect = held_effect(name, fit.model)
-    rest = fit_model(without(effect, fit.model), fit.dataset)
+    rest = fit_model(fit.model.without(effect), fit.dataset)
     found = rest.held_out_rmse, fit.held_out_rmse
     measure = measure_of([effect], *found)
     first = 3 * fit.dataset.groups.index(measure)

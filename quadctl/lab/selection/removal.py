@@ -1,7 +1,7 @@
 """Removal of an effect from a model: refit of the rest, and the held-out error."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
@@ -56,12 +56,7 @@ def remove(word: str, model: Model, dataset: Dataset, fit: FittedModel | None = 
     """
     effect = held_effect(word, model)
     before = fit_model(model, dataset) if fit is None else fit
-    return refitted(Removal, model, before, fit_model(without(effect, model), before.dataset), removed=effect)
-
-
-def without(effect: Effect, model: Model) -> Model:
-    """Copy of `model` without `effect`; the others keep their parameters."""
-    return replace(model, stack=tuple(item for item in model.stack if item.effect is not effect))
+    return refitted(Removal, model, before, fit_model(model.without(effect), before.dataset), removed=effect)
 
 
 def held_effect(word: str, model: Model) -> Effect:
