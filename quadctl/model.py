@@ -49,6 +49,16 @@ class StackedEffect:
     held: bool = False
     """True: a fit leaves its parameters as they are."""
 
+    @property
+    def ci95(self) -> dict[str, tuple[float, float]]:
+        """95 % intervals of the fitted parameters, by their names."""
+        return self.fitted.ci95 if self.fitted else {}
+
+    def to_dict(self) -> dict[str, Any]:
+        """Name, parameters and intervals, as JSON can hold them."""
+        ci95 = {name: list(ci) for name, ci in self.ci95.items()}
+        return {"effect": self.effect.name, "parameters": self.effect.values(), "ci95": ci95}
+
 
 class Loads(NamedTuple):
     """Force and moment on a vehicle, of its rotors and of all effects; weight excluded."""

@@ -82,7 +82,7 @@ class Arrow:
         flights * k)."""
         shared_free, own_free = self._parted(free)
         by_shared, alone, reduced, rhs = self._eliminated(own_free)
-        shared = np.linalg.solve(_only(shared_free, reduced), (rhs * shared_free)[..., None])[..., 0]
+        shared = np.asarray(np.linalg.solve(_only(shared_free, reduced), (rhs * shared_free)[..., None])[..., 0])
         return self._joined(shared, alone - np.einsum("...fkp,...p->...fk", by_shared, shared))
 
     def _eliminated(self, own_free: Mask) -> tuple[Floats, Floats, Floats, Floats]:

@@ -176,7 +176,7 @@ class Flight:
     """Findings about the record, by its reader and by its preparation."""
 
     @cached_property
-    def predictions(self) -> dict[Any, Any]:
+    def predictions(self) -> dict[Any, tuple[Vehicle, Floats | None]]:
         """The last predictions of the flight (see `prediction`)."""
         return {}
 

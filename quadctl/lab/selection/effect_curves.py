@@ -258,7 +258,7 @@ def _drawn_models(addition: Addition, index: int, number: int) -> list[Model]:
     """Copies of the model, in which one effect has the parameters of some of the bootstrap draws."""
     free = free_parameters(addition.model)
     own = [i for i, f in enumerate(free) if f.effect == index]
-    draws = addition.draws[:number]
+    draws = addition.fit_after.draws[:number]
     return [with_values(addition.model, [free[i] for i in own], draw[own]) for draw in draws]
 
 

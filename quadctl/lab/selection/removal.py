@@ -2,13 +2,11 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property
 from typing import Any
 
 from quadctl.effects import Effect
 from quadctl.errors import SettingsError
 from quadctl.lab.fitting.fitted_model import FittedModel, fit_model
-from quadctl.lab.fitting.significance import improvement_p_value
 from quadctl.lab.flights.dataset import Dataset
 from quadctl.lab.selection.refit import Refit, refitted
 from quadctl.lab.selection.rule import is_significant
@@ -26,11 +24,6 @@ class Removal(Refit):
     @property
     def changed(self) -> Sequence[Effect]:
         return [self.removed]
-
-    @cached_property
-    def p_value(self) -> float:
-        """p-value of the hypothesis that the effect does not help on unseen data."""
-        return improvement_p_value(self.residual_after, self.residual_after - self.residual_before, self.dataset)
 
     @property
     def title(self) -> str:

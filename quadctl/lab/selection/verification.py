@@ -47,6 +47,11 @@ class Change(NamedTuple):
     sigmas: float
     """Difference over the standard error of the difference."""
 
+    def to_dict(self) -> dict[str, Any]:
+        (value, *ci95), (now, *now_ci95) = self.before, self.now
+        intervals = {"value": value, "ci95": ci95, "now": now, "now_ci95": now_ci95}
+        return {"effect": self.effect, "parameter": self.parameter, **intervals, "sigmas": self.sigmas}
+
 
 @dataclass(frozen=True)
 class FlightCheck:
@@ -67,6 +72,17 @@ class FlightCheck:
     def holds(self) -> bool:
         return not self.changes and not self.missing
 
+    def to_dict(self) -> dict[str, Any]:
+        return {
+            "flight": self.flight,
+            "holds": self.holds,
+            "error_m_s2": self.error_m_s2,
+            "refitted_m_s2": self.refitted_m_s2,
+            "changes": [change.to_dict() for change in self.changes],
+            "missing": list(self.missing),
+            "not_determined": list(self.silent),
+        }
+
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Verification(Result):
@@ -83,29 +99,7 @@ class Verification(Result):
         return {
             "holds": self.holds,
             "false_alarm_rate": FALSE_ALARMS,
-            "flights": [
-                {
-                    "flight": check.flight,
-                    "holds": check.holds,
-                    "error_m_s2": check.error_m_s2,
-                    "refitted_m_s2": check.refitted_m_s2,
-                    "changes": [
-                        {
-                            "effect": c.effect,
-                            "parameter": c.parameter,
-                            "value": c.before[0],
-                            "ci95": list(c.before[1:]),
-                            "now": c.now[0],
-                            "now_ci95": list(c.now[1:]),
-                            "sigmas": c.sigmas,
-                        }
-                        for c in check.changes
-                    ],
-                    "missing": list(check.missing),
-                    "not_determined": list(check.silent),
-                }
-                for check in self.checks
-            ],
+            "flights": [check.to_dict() for check in self.checks],
         }
 
     def __rich__(self) -> RenderableType:
@@ -144,7 +138,7 @@ def verify(
     SettingsError
         The model holds no parameter with an interval, so that no change could be told.
     """
-    known = [name for item in model.stack if item.fitted is not None for name in item.fitted.ci95]
+    known = [name for item in model.stack for name in item.ci95]
     if not known:
         raise SettingsError(f"{model.name}: holds no parameter with an interval, expected a model that was fitted")
     limit = -float(special.ndtri(0.5 * FALSE_ALARMS / (len(known) * len(flights))))
@@ -196,7 +190,7 @@ def _changes(model: Model, after: FittedModel, limit: float) -> tuple[Change, ..
     blind = undetermined(after.free, after.intervals)
     for free, (low, high) in zip(after.free, after.intervals, strict=True):
         item, name = model.stack[free.effect], free.parameter.name
-        old = item.fitted.ci95.get(name) if item.fitted is not None else None
+        old = item.ci95.get(name)
         if old is None or free in blind:
             continue
         before, now = getattr(item.effect, name), getattr(after.model.effects[free.effect], name)
