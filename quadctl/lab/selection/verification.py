@@ -11,7 +11,7 @@ The bias of a flight (`nuisances`) is fitted in both, so that what flights of on
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 from rich.console import Group, RenderableType
@@ -20,7 +20,7 @@ from rich.text import Text
 from scipy import special
 
 from quadctl.errors import SettingsError
-from quadctl.lab.fitting.fitted_model import FittedModel, fit_model
+from quadctl.lab.fitting.fitted_model import FittedModel, fit_as_it_stands, fit_model
 from quadctl.lab.fitting.parameters import undetermined
 from quadctl.lab.fitting.significance import improvement_p_value
 from quadctl.lab.flights.dataset import Dataset
@@ -168,21 +168,16 @@ def _refitted_effects(model: Model, dataset: Dataset, p_limit: float) -> tuple[F
     effects freed before it do not explain what changed.
     """
     freed: frozenset[int] = frozenset()
-    before = after = fit_model(_held_but(model, freed), dataset)
+    before = after = fit_as_it_stands(model, dataset)
     while len(freed) < len(model.stack):
         others = (i for i in range(len(model.stack)) if i not in freed)
-        trials = {i: fit_model(_held_but(model, freed | {i}), dataset) for i in others}
+        trials = {i: fit_as_it_stands(model, dataset, freed | {i}) for i in others}
         best = min(trials, key=lambda i: trials[i].held_out_rmse["total"])
         lower = after.held_out_residual - trials[best].held_out_residual
         if improvement_p_value(after.held_out_residual, lower, dataset) >= p_limit:
             break
         freed, after = freed | {best}, trials[best]
     return before, after
-
-
-def _held_but(model: Model, freed: frozenset[int]) -> Model:
-    """The model whose effects keep their parameters in a fit, but those of the indices `freed`."""
-    return replace(model, stack=tuple(replace(item, held=i not in freed) for i, item in enumerate(model.stack)))
 
 
 def _changes(model: Model, after: FittedModel, limit: float) -> tuple[Change, ...]:
