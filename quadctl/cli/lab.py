@@ -327,13 +327,13 @@ def remove(
 
     With logs the others are refitted, and the change of the held-out error is printed.
     """
-    from quadctl.lab.selection.removal import held_effect, without
+    from quadctl.lab.selection.removal import held_effect
     from quadctl.model import load_model, save_model
 
     if not logs:
         loaded = load_model(model)
         taken = held_effect(effect, loaded)
-        save_model(without(taken, loaded), output)
+        save_model(loaded.without(taken), output)
         kept = "Nothing was refitted: the others keep the parameters that they had beside it."
         say(f"{taken.name} is taken out. {kept}")
         print_saved(output)

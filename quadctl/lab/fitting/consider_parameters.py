@@ -63,12 +63,12 @@ def _disturbed_flights(flight: Flight) -> Iterator[Flight]:
 def _form_errors(model: Model, flight: Flight, groups: Sequence[str], predicted: Floats) -> Iterator[Floats]:
     """Change of the prediction where the form of each effect on the thrust is off by a constant; of the acceleration
     alone, which is the first of the groups where it is among them."""
-    for i, effect in enumerate(model.effects):
+    for effect in model.effects:
         if not effect.depends_on or effect.adds_lag or effect not in model.effects_on_thrust:
             continue
         found = np.zeros_like(predicted)
         if "total" in groups:
-            does = predicted[:, UP] - predict(_without(model, i), flight)[:, UP]
+            does = predicted[:, UP] - predict(model.without(effect), flight)[:, UP]
             found[:, UP] = FORM * np.sqrt(np.mean(does**2))
         yield found
 
@@ -76,14 +76,10 @@ def _form_errors(model: Model, flight: Flight, groups: Sequence[str], predicted:
 def _airspeed_errors(model: Model, flight: Flight, groups: Sequence[str], predicted: Floats) -> Iterator[Floats]:
     """Change of the prediction where the airspeed, on which the forces on the body depend, is off by a factor; of the
     acceleration alone, as above."""
-    for i, effect in enumerate(model.effects):
+    for effect in model.effects:
         if effect in model.effects_on_body and {"speed_forward", "speed_right"} & set(effect.depends_on):
             found = np.zeros_like(predicted)
             if "total" in groups:
                 acceleration = predicted[:, : len(AXES)]
-                found[:, : len(AXES)] = AIRSPEED * (acceleration - predict(_without(model, i), flight))
+                found[:, : len(AXES)] = AIRSPEED * (acceleration - predict(model.without(effect), flight))
             yield found
-
-
-def _without(model: Model, effect: int) -> Model:
-    return replace(model, stack=(*model.stack[:effect], *model.stack[effect + 1 :]))

@@ -1,10 +1,9 @@
 """The value that a fit returns: a model fitted to flights, with its intervals and its held-out error."""
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
-from quadctl.effects import Effect
 from quadctl.lab.arrays import Floats
 from quadctl.lab.fitting.fitter import Fitter, Optimum
 from quadctl.lab.fitting.nuisances import captured_leans_deg
@@ -143,9 +142,11 @@ def fit_model(model: Model, dataset: Dataset) -> FittedModel:
     return FittedModel(fitter, optimum, dataset.targets - fitter.held_out(optimum))
 
 
-def fit_as_it_stands(model: Model, dataset: Dataset) -> FittedModel:
-    """Fit the nuisances of the flights of `dataset` alone: the parameters of `model` stay."""
-    return fit_model(model.with_effects([_standing(effect) for effect in model.effects]), dataset)
+def fit_as_it_stands(model: Model, dataset: Dataset, freed: Collection[int] = ()) -> FittedModel:
+    """Fit the nuisances of the flights of `dataset`: the parameters of `model` stay, but those of the effects whose
+    places in the stack are `freed`."""
+    stack = tuple(replace(item, held=i not in freed) for i, item in enumerate(model.stack))
+    return fit_model(replace(model, stack=stack), dataset)
 
 
 def is_fitted_to(model: Model, flights: Sequence[str]) -> bool:
@@ -153,10 +154,3 @@ def is_fitted_to(model: Model, flights: Sequence[str]) -> bool:
     others."""
     items = (model.stack[effect] for effect in {free.effect for free in free_parameters(model)})
     return all(item.fitted is not None and set(flights) <= set(item.fitted.logs) for item in items)
-
-
-def _standing(effect: Effect) -> Effect:
-    """Copy of an effect without free parameters."""
-    kind = type(effect)
-    fixed: type[Effect] = type(kind.__name__, (kind,), {"parameters": classmethod(lambda cls: ())})
-    return fixed(**effect.values())

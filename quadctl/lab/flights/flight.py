@@ -175,6 +175,11 @@ class Flight:
     findings: list[Finding] = field(default_factory=list)
     """Findings about the record, by its reader and by its preparation."""
 
+    @cached_property
+    def predictions(self) -> dict[Any, tuple[Vehicle, Floats | None]]:
+        """The last predictions of the flight (see `prediction`)."""
+        return {}
+
     @property
     def notes(self) -> list[str]:
         """The findings in words."""
@@ -217,14 +222,14 @@ class Flight:
         """Copy of the flight with its rotor signal read `delay_s` later."""
         if delay_s == 0.0:
             return self
-        nominal = [self.later(thrust, delay_s) for thrust in self.nominal_n]
+        nominal = list(self.later(np.array(self.nominal_n), delay_s))
         return replace(self, nominal_n=nominal, delay_s=self.delay_s + delay_s)
 
     def with_rotor_delay(self, delay_s: float) -> "Flight":
         """Copy of the flight whose rotor signal is read `delay_s` later than it was logged."""
         if delay_s == self.delay_s:
             return self
-        return replace(self, nominal_n=[self.later(n, delay_s) for n in self.logged_n], delay_s=delay_s)
+        return replace(self, nominal_n=list(self.later(np.array(self.logged_n), delay_s)), delay_s=delay_s)
 
     def with_velocity_lag(self, lag_s: float) -> "Flight":
         """Copy of the flight whose velocity is read `lag_s` later than it was logged."""
@@ -281,15 +286,22 @@ class Flight:
         return self.later(self.velocity_neu[2], self.velocity_lag_s)
 
     def later(self, signal: Floats, delay_s: float) -> Floats:
-        """Signal on the grid read `delay_s` later, by linear interpolation; constant beyond its ends."""
+        """Signal on the grid, shape (m,) or (signals, m), read `delay_s` later, by linear interpolation; constant
+        beyond its ends."""
         if delay_s == 0.0:
             return signal
         steps = delay_s / (self.grid_s[1] - self.grid_s[0])
-        whole, n = math.floor(steps), len(signal)
-        between = signal[:-1] + (steps - whole) * np.diff(signal)
+        whole, n = math.floor(steps), signal.shape[-1]
+        before, after = signal[..., :-1], signal[..., 1:]
+        between = before + (steps - whole) * (after - before)
+        read = np.empty_like(signal)
         if whole < 0:
-            return np.concatenate([np.full(min(-whole, n), signal[0]), between[: max(n + whole, 0)]])
-        return np.concatenate([between[whole:], np.full(min(whole + 1, n), signal[-1])])
+            first = min(-whole, n)
+            read[..., :first], read[..., first:] = signal[..., :1], between[..., : n - first]
+        else:
+            last = max(n - 1 - whole, 0)
+            read[..., :last], read[..., last:] = between[..., whole:], signal[..., -1:]
+        return read
 
     def pieces(self, most: int) -> Iterator[tuple[slice, list[Floats], Conditions]]:
         """Nominal thrusts and conditions of pieces of the grid of at most so many places, without copies."""

@@ -5,6 +5,7 @@ rotors are logged; and the error of the accelerometer, where there is one. One f
 """
 
 from collections.abc import Callable, Sequence
+from functools import wraps
 
 import numpy as np
 
@@ -25,6 +26,29 @@ GROUPS = {"total": AXES, "turning": MOMENTS, "sensing": SENSED}
 (m/s^2). The key of a group also names the root of the sum of the squares of its axes."""
 
 
+KEPT = 8
+"""Number of predictions that a flight keeps."""
+
+
+def _kept(predict: Callable[[Model, Flight], Floats]) -> Callable[[Model, Flight], Floats]:
+    """Keep the last predictions of each flight: residual, Jacobian and intervals of a fit need the same ones."""
+
+    @wraps(predict)
+    def kept(model: Model, flight: Flight) -> Floats:
+        known, key = flight.predictions, (predict, model.effects, id(model.vehicle))
+        vehicle, found = known.pop(key, (model.vehicle, None))
+        if found is None:
+            found = predict(model, flight)
+            found.flags.writeable = False
+            if len(known) >= KEPT:
+                del known[next(iter(known))]
+        known[key] = vehicle, found  # with the vehicle its id stays its own
+        return found
+
+    return kept
+
+
+@_kept
 def predict(model: Model, flight: Flight) -> Floats:
     """Predict `measured` of one flight, north, east, up, m/s^2, shape (n, 3): the filtered kinematic acceleration, with
     the error of the accelerometer where that measures it."""
@@ -54,11 +78,15 @@ def predict_torque(model: Model, flight: Flight) -> Floats:
     on average.
     """
     turning = model.turning()
-    if not turning.stack:
-        return flight.nominal_torque
+    return _predict_turning(turning, flight) if turning.stack else flight.nominal_torque
+
+
+@_kept
+def _predict_turning(turning: Model, flight: Flight) -> Floats:
     return flight.slowly(_filtered(turning, flight, turning.body_torque))
 
 
+@_kept
 def predict_imu_error(model: Model, flight: Flight) -> Floats:
     """Predict the filtered error of the accelerometer, north, east, up, m/s^2, shape (n, 3)."""
     if not any(concerns(effect, "sensing") for effect in model.effects):

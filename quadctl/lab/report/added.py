@@ -104,10 +104,9 @@ def fitted_effects(r: Results) -> Section | None:
     order = list(range(len(a.model.stack)))[::-1]  # what was added last is what the page is about
     for index in order:
         item = a.model.stack[index]
-        ci95 = item.fitted.ci95 if item.fitted else {}
         reservation = thrust_reservation(a.model.vehicle, a.dataset) if is_of_the_thrust(item.effect) else None
         note = " ".join([item.effect.source, *([] if reservation is None else [f"{reservation}."])])
-        rows.append([Cell(item.effect.name, note), Cell(parameters_in_text(item.effect, ci95))])
+        rows.append([Cell(item.effect.name, note), Cell(parameters_in_text(item.effect, item.ci95))])
         if isinstance(item.effect, NearGround):
             sentences, figure = _ground_effect(a, index)
             text += map(str, sentences)

@@ -128,8 +128,7 @@ class Diagnosis(Result):
     @property
     def chosen(self) -> list[Candidate]:
         """Candidates for the missing effects, in the order of adding."""
-        missing = {step.effect for step in self.steps[1:]}
-        return [candidate for candidate in self.ranking if candidate.effect.name in missing]
+        return self.ranking[: len(self.missing)]
 
     @property
     def timing(self) -> Timing:
@@ -140,19 +139,12 @@ class Diagnosis(Result):
     def answer(self) -> list[Finding]:
         """Verdict; what is missing or small, with the error before and after; what these data leave open; the next
         flight."""
-        named = {"missing": self.missing, "small": [simplest.family for simplest, *_ in self.small]}
-        kinds = {
-            "missing": Kind.MISSING,
-            "small": Kind.ONLY_SMALL,
-            "none": Kind.NONE,
-            "unexplained": Kind.UNEXPLAINED,
-        }
-        found = [Finding(kinds[self.verdict], {"families": named[self.verdict]} if self.verdict in named else {})]
         if self.verdict == "small":
-            found += self._of_small
-        for c in self.ranking[: len(self.missing)]:
-            effect = {"effect": c.effect.name, "parameters": parameters_of(c.effect, c.ci95)}
-            found.append(Finding(Kind.EFFECT, effect))
+            families = [simplest.family for simplest, *_ in self.small]
+            found = [Finding(Kind.ONLY_SMALL, {"families": families}), *self._of_small]
+        else:
+            found = [Finding(Kind(self.verdict), {"families": self.missing} if self.missing else {})]
+        found += [Finding(Kind.EFFECT, parameters_of(c.effect, c.ci95)) for c in self.chosen]
         if len(self.steps) > 1:
             before, after = self.steps[0].rmse["total"], self.steps[-1].rmse["total"]
             found.append(Finding(Kind.ERROR, {"before": before, "after": after, "drop": 1.0 - after / before}))
@@ -178,8 +170,7 @@ class Diagnosis(Result):
         small = {c.effect.name for group in self.small for c in group}
         for c in self.ranking:
             if is_trim(c) and c.family not in self.missing and c.effect.name not in small:
-                usual = {"effect": c.effect.name, "parameters": parameters_of(c.effect, c.ci95), "p": c.p_value}
-                found.append(Finding(Kind.USUAL, usual))
+                found.append(Finding(Kind.USUAL, {**parameters_of(c.effect, c.ci95), "p": c.p_value}))
         return [*found, *of_timing(self.timing), *_of_attitudes(self.fit)]
 
     @cached_property
@@ -189,8 +180,7 @@ class Diagnosis(Result):
         for simplest, *alike in self.small:
             without = replace(simplest.model, stack=simplest.model.stack[:-1])
             facts = {
-                "effect": simplest.effect.name,
-                "parameters": parameters_of(simplest.effect, simplest.ci95),
+                **parameters_of(simplest.effect, simplest.ci95),
                 "alternatives": [c.effect.name for c in alike],
                 "before": simplest.before[simplest.measure],
                 "after": simplest.after[simplest.measure],

@@ -12,7 +12,6 @@ from rich.text import Text
 from quadctl import __version__
 from quadctl.effects import Effect
 from quadctl.errors import SettingsError
-from quadctl.lab.arrays import Floats
 from quadctl.lab.comparison.wording import ERRORS, parameters_in_words
 from quadctl.lab.finding import parameters_of
 from quadctl.lab.fitting.bootstrap import drop_interval
@@ -46,21 +45,6 @@ class Refit(Result):
         return self.fit_after.dataset
 
     @property
-    def residual_before(self) -> Floats:
-        """Held-out residual of the targets before, shape (n, 3 * groups)."""
-        return self.fit_before.held_out_residual
-
-    @property
-    def residual_after(self) -> Floats:
-        """Held-out residual after, shape (n, 3 * groups)."""
-        return self.fit_after.held_out_residual
-
-    @property
-    def draws(self) -> Floats:
-        """Bootstrap draws of all free parameters of the stack, shape (draws, p), in the order of `free_parameters`."""
-        return self.fit_after.draws
-
-    @property
     def before(self) -> dict[str, float]:
         """Held-out RMSE per axis and group before; the acceleration's in m/s^2."""
         return self.fit_before.held_out_rmse
@@ -87,14 +71,14 @@ class Refit(Result):
 
     @cached_property
     def drop_ci95(self) -> tuple[float, float]:
-        first = 3 * self.dataset.groups.index(self.measure)
-        columns = slice(first, first + 3)
-        return drop_interval(self.residual_before[:, columns], self.residual_after[:, columns], self.dataset.block)
+        return drop_between(self.fit_before, self.fit_after, self.measure)
 
     @cached_property
     def p_value(self) -> float:
         """p-value of the hypothesis that the larger of the two models does not help on unseen data."""
-        return improvement_p_value(self.residual_before, self.residual_before - self.residual_after, self.dataset)
+        fits = sorted((self.fit_before, self.fit_after), key=lambda fit: len(fit.model.stack))
+        smaller, larger = (fit.held_out_residual for fit in fits)
+        return improvement_p_value(smaller, smaller - larger, self.dataset)
 
     @property
     def title(self) -> str:
@@ -120,14 +104,7 @@ class Refit(Result):
 
     def to_dict(self) -> dict[str, Any]:
         return {
-            "effects": [
-                {
-                    "effect": item.effect.name,
-                    "parameters": item.effect.values(),
-                    "ci95": {k: list(v) for k, v in item.fitted.ci95.items()} if item.fitted else {},
-                }
-                for item in self.model.stack
-            ],
+            "effects": [item.to_dict() for item in self.model.stack],
             "flights": self.dataset.names,
             "rmse_before": self.before,
             "rmse_after": self.after,
@@ -148,12 +125,18 @@ class Refit(Result):
             "The model now contains:" if self.model.stack else "The model now contains no effect: the rigid body."
         )
         for item in self.model.stack:
-            words = parameters_in_words(parameters_of(item.effect, item.fitted.ci95 if item.fitted else {}))
-            lines.append(f"  {item.effect.name}: {words}")
+            lines.append(f"  {item.effect.name}: {parameters_in_words(parameters_of(item.effect, item.ci95))}")
         lines += [f"Note: {remark}." for remark in self.remarks]
         if self.conclusion:
             lines.append(self.conclusion)
         return Group(table, Text("\n".join(lines)))
+
+
+def drop_between(before: FittedModel, after: FittedModel, measure: str) -> tuple[float, float]:
+    """95 % interval of the relative drop of a held-out error from one fit to another."""
+    first = 3 * before.dataset.groups.index(measure)
+    old, new = (fit.held_out_residual[:, first : first + 3] for fit in (before, after))
+    return drop_interval(old, new, before.dataset.block)
 
 
 SAME_FIT = 0.05

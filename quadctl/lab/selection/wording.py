@@ -104,11 +104,7 @@ def error_in_table(error: float) -> str:
 
 def candidate_to_dict(c: Candidate) -> dict[str, Any]:
     """An entry of `ranking` in the JSON of a diagnosis."""
-    return {
-        "family": c.family,
-        "effect": c.effect.name,
-        "parameters": c.effect.values(),
-        "ci95": {name: list(ci) for name, ci in c.ci95.items()},
+    return measured_to_dict(c) | {
         "rmse_before": c.before[c.measure],
         "rmse_after": c.after[c.measure],
         "unit": UNITS[c.measure],
