@@ -35,7 +35,7 @@ def _kept(predict: Callable[[Model, Flight], Floats]) -> Callable[[Model, Flight
 
     @wraps(predict)
     def kept(model: Model, flight: Flight) -> Floats:
-        known, key = flight.predictions, (predict, model.effects, id(model.vehicle))
+        known, key = flight.predictions, (predict.__name__, model.effects, id(model.vehicle))
         vehicle, found = known.pop(key, (model.vehicle, None))
         if found is None:
             found = predict(model, flight)

@@ -254,7 +254,7 @@ def _table(
     for c in candidates:
         is_missing = c.effect.name in missing
         name = Text(f"{'* ' if is_missing else ''}{c.effect.name}", style="bold" if is_missing else "")
-        parameters = parameter_lines(parameters_of(c.effect, c.ci95)) if c.ci95 else []
+        parameters = parameter_lines(parameters_of(c.effect, c.ci95)["parameters"]) if c.ci95 else []
         why_not = [] if is_missing or against is None else [f"no: {on_terminal(against[c.effect.name])}"]
         table.add_row(
             Group(name, *([Padding(Text("\n".join([*parameters, *why_not])), (0, 1, 0, 2))])),

@@ -83,7 +83,7 @@ class Discovery(Result):
         table.add_column("effect, and its parameters [95 %]")
         table.add_column("p", justify="right", no_wrap=True)
         for item in self.model.stack:
-            parameters = "\n".join(parameter_lines(parameters_of(item.effect, item.ci95))) or "-"
+            parameters = "\n".join(parameter_lines(parameters_of(item.effect, item.ci95)["parameters"])) or "-"
             p_value = self.p_values.get(item.effect.family())
             table.add_row(
                 Group(item.effect.name, Padding(Text(parameters), (0, 0, 0, 2))),

@@ -12,7 +12,7 @@ from rich.text import Text
 from quadctl import __version__
 from quadctl.effects import Effect
 from quadctl.errors import SettingsError
-from quadctl.lab.comparison.wording import ERRORS, parameters_in_words
+from quadctl.lab.comparison.wording import ERRORS
 from quadctl.lab.finding import parameters_of
 from quadctl.lab.fitting.bootstrap import drop_interval
 from quadctl.lab.fitting.fitted_model import FittedModel, fit_as_it_stands, fit_model, is_fitted_to
@@ -124,8 +124,8 @@ class Refit(Result):
         lines.append(
             "The model now contains:" if self.model.stack else "The model now contains no effect: the rigid body."
         )
-        for item in self.model.stack:
-            lines.append(f"  {item.effect.name}: {parameters_in_words(parameters_of(item.effect, item.ci95))}")
+        found = [Finding(Kind.EFFECT, parameters_of(item.effect, item.ci95)) for item in self.model.stack]
+        lines += [f"  {in_words(finding)}" for finding in found]
         lines += [f"Note: {remark}." for remark in self.remarks]
         if self.conclusion:
             lines.append(self.conclusion)
