@@ -23,6 +23,7 @@ from quadctl.lab.flights.channels import ROTOR_SPEED
 from quadctl.lab.flights.dataset import Dataset
 from quadctl.lab.results import Result, errors_table
 from quadctl.lab.selection.candidate import measure_of
+from quadctl.lab.words import in_words
 from quadctl.model import Model, Provenance, StackedEffect
 
 
