@@ -66,10 +66,11 @@ def reason_against(c: Candidate, chosen: Candidate | None) -> Finding:
         return Finding(Kind.NO_DROP)
     if not is_significant(c.p_value):
         return Finding(Kind.NOT_SIGNIFICANT, {"p": c.p_value, "limit": RULE.significant})
-    if not c.determined:
-        essential = list(c.effect.essential)
-        return Finding(Kind.ZERO, {"parameters": essential}) if essential else Finding(Kind.UNDETERMINED)
+    essential = list(c.effect.essential)
+    if not c.determined and essential:
+        return Finding(Kind.ZERO, {"parameters": essential})
     for fails, kind in (
+        (not c.determined, Kind.UNDETERMINED),
         (c.at_bound, Kind.AT_BOUND),
         (not c.believable, Kind.IMPLAUSIBLE),
         (is_harmful(c), Kind.HARMFUL),
