@@ -240,7 +240,7 @@ def verify(
     The exit status is 1 where it does not.
     """
     from quadctl.lab.flights.dataset import load_dataset
-    from quadctl.lab.selection.verification import verify as run
+    from quadctl.lab.verification import verify as run
     from quadctl.logs.read import read_logs
     from quadctl.logs.record.copies import without_copies
     from quadctl.model import load_model
@@ -265,7 +265,7 @@ def surfaces(
 
     One weight is fitted for each surface that the flights passed over.
     """
-    from quadctl.lab.selection.surfaces import compare_surfaces
+    from quadctl.lab.surfaces import compare_surfaces
 
     study = _study(model, logs, hold_out)
     result = compare_surfaces(study.model, study.seen)

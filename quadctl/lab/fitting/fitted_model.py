@@ -6,15 +6,14 @@ from functools import cached_property
 
 from quadctl.lab.arrays import Floats
 from quadctl.lab.fitting.fitter import Fitter, Optimum
-from quadctl.lab.fitting.nuisances import captured_leans_deg
 from quadctl.lab.fitting.parameters import (
     Free,
     free_parameters,
     intervals,
     is_at_bound,
+    is_undetermined,
     leaves_out_zero,
     remarks,
-    undetermined,
     values_of,
 )
 from quadctl.lab.flights.dataset import Dataset
@@ -95,11 +94,6 @@ class FittedModel:
         """95 % interval of each fitted parameter."""
         return intervals(self.free, values_of(self.model, self.free), self.draws)
 
-    @property
-    def captured_leans_deg(self) -> dict[str, tuple[float, float]]:
-        """Errors of the attitudes of a motion capture (see `nuisances.captured_leans_deg`)."""
-        return captured_leans_deg(self.flights, self.optimum.nuisances)
-
     def relabelled(self, model: Model) -> "FittedModel":
         """The same fit as that of `model`, which differs in its name and files only."""
         start, found = (replace(model, stack=m.stack) for m in (self.fitter.model, self.model))
@@ -111,27 +105,29 @@ class FittedModel:
 
     def ci95(self, effect: int) -> dict[str, tuple[float, float]]:
         """95 % intervals of the fitted parameters of one effect of the stack, by their names."""
-        return {f.parameter.name: ci for f, ci in zip(self.free, self.intervals, strict=True) if f.effect == effect}
+        return {f.parameter.name: ci for f, _, ci in self._own(effect)}
 
     def remarks(self, effect: int | None = None) -> list[str]:
         """Remarks on the fitted parameters (see `parameters.remarks`); only those of one effect where `effect` is
         given."""
-        own = [(f, ci) for f, ci in zip(self.free, self.intervals, strict=True) if effect in (None, f.effect)]
-        free = [f for f, _ in own]
-        return remarks(free, values_of(self.model, free), [ci for _, ci in own])
+        return [said for own in self._own(effect) for said in remarks(*own)]
 
     def at_bound(self, effect: int) -> bool:
         """Tell whether a parameter of one effect of the stack ran into a bound."""
-        free = [f for f in self.free if f.effect == effect]
-        return any(is_at_bound(f, value) for f, value in zip(free, values_of(self.model, free), strict=True))
+        return any(is_at_bound(f, value) for f, value, _ in self._own(effect))
 
     def determined(self, effect: int) -> bool:
         """Tell whether the data determine at least one parameter of one effect of the stack, or it has none; and show
         that one of its essential parameters is not 0, if it has such."""
-        own = [(f, ci) for f, ci in zip(self.free, self.intervals, strict=True) if f.effect == effect]
+        own = [(f, ci) for f, _, ci in self._own(effect)]
         essential = [(f, ci) for f, ci in own if f.parameter.name in self.model.effects[effect].essential]
         shown = not essential or any(leaves_out_zero(f, ci) for f, ci in essential)
-        return shown and (not own or len(undetermined([f for f, _ in own], [ci for _, ci in own])) < len(own))
+        return shown and (not own or not all(is_undetermined(f, ci) for f, ci in own))
+
+    def _own(self, effect: int | None) -> list[tuple[Free, float, tuple[float, float]]]:
+        """Fitted parameters of one effect of the stack, or of all, each with its value and its interval."""
+        every = zip(self.free, values_of(self.model, self.free).tolist(), self.intervals, strict=True)
+        return [item for item in every if effect in (None, item[0].effect)]
 
 
 def fit_model(model: Model, dataset: Dataset) -> FittedModel:

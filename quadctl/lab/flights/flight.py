@@ -175,11 +175,6 @@ class Flight:
     findings: list[Finding] = field(default_factory=list)
     """Findings about the record, by its reader and by its preparation."""
 
-    @cached_property
-    def predictions(self) -> dict[Any, tuple[Vehicle, Floats | None]]:
-        """The last predictions of the flight (see `prediction`)."""
-        return {}
-
     @property
     def notes(self) -> list[str]:
         """The findings in words."""

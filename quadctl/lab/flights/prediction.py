@@ -6,6 +6,7 @@ rotors are logged; and the error of the accelerometer, where there is one. One f
 
 from collections.abc import Callable, Sequence
 from functools import wraps
+from weakref import WeakKeyDictionary
 
 import numpy as np
 
@@ -15,6 +16,7 @@ from quadctl.lab.arrays import Floats
 from quadctl.lab.flights.flight import Flight
 from quadctl.model import Model
 from quadctl.numeric import Number, Vector
+from quadctl.vehicle import Vehicle
 
 AXES = ("north", "east", "up")
 MOMENTS = ("roll", "pitch", "yaw")
@@ -26,8 +28,11 @@ GROUPS = {"total": AXES, "turning": MOMENTS, "sensing": SENSED}
 (m/s^2). The key of a group also names the root of the sum of the squares of its axes."""
 
 
-KEPT = 8
-"""Number of predictions that a flight keeps."""
+MOST_KEPT = 8
+"""Number of predictions that are kept of a flight."""
+_Key = tuple[Callable[[Model, Flight], Floats], tuple[Effect, ...], int]
+_KEPT: WeakKeyDictionary[Flight, dict[_Key, tuple[Vehicle, Floats]]] = WeakKeyDictionary()
+"""Last predictions of each flight, as long as it lives; with the vehicle, whose `id` is then no other's."""
 
 
 def _kept(predict: Callable[[Model, Flight], Floats]) -> Callable[[Model, Flight], Floats]:
@@ -35,15 +40,15 @@ def _kept(predict: Callable[[Model, Flight], Floats]) -> Callable[[Model, Flight
 
     @wraps(predict)
     def kept(model: Model, flight: Flight) -> Floats:
-        known, key = flight.predictions, (predict.__name__, model.effects, id(model.vehicle))
-        vehicle, found = known.pop(key, (model.vehicle, None))
+        known, key = _KEPT.setdefault(flight, {}), (predict, model.effects, id(model.vehicle))
+        found = known.pop(key, None)
         if found is None:
-            found = predict(model, flight)
-            found.flags.writeable = False
-            if len(known) >= KEPT:
+            found = model.vehicle, predict(model, flight)
+            found[1].flags.writeable = False
+            if len(known) >= MOST_KEPT:
                 del known[next(iter(known))]
-        known[key] = vehicle, found  # with the vehicle its id stays its own
-        return found
+        known[key] = found
+        return found[1]
 
     return kept
 

@@ -17,6 +17,7 @@ from quadctl.lab.comparison.wording import (
     percent,
     quantity,
 )
+from quadctl.lab.effect_curves import effect_curves, ratio_curve
 from quadctl.lab.fitting.bootstrap import drop_interval
 from quadctl.lab.flights.dataset import Dataset
 from quadctl.lab.flights.flight import VARIABLE_NAMES, VARIABLE_UNITS
@@ -25,7 +26,6 @@ from quadctl.lab.report.numbers import unseen_before, unseen_residuals
 from quadctl.lab.report.parts import Cell, Figure, Section, Table, both_widths, figure
 from quadctl.lab.report.results import Results
 from quadctl.lab.selection.addition import Addition
-from quadctl.lab.selection.effect_curves import effect_curves, ratio_curve
 from quadctl.lab.words import Answer
 from quadctl.words import Fact, count, fact
 

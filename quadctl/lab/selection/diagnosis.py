@@ -19,6 +19,7 @@ from quadctl.lab.comparison.wording import on_terminal, parameter_lines
 from quadctl.lab.finding import Finding, Kind, parameters_of
 from quadctl.lab.fitting.fitted_model import FittedModel, fit_model
 from quadctl.lab.fitting.fitter import BOOTSTRAP_SEED
+from quadctl.lab.fitting.nuisances import captured_leans_deg
 from quadctl.lab.flights.dataset import Dataset
 from quadctl.lab.flights.flight import SPAN_UNITS, UNKNOWN_TIMING, Timing
 from quadctl.lab.flights.timing import of_timing
@@ -227,7 +228,7 @@ class Diagnosis(Result):
 
 def _of_attitudes(fit: FittedModel | None) -> list[Finding]:
     """Finding on the attitudes of a motion capture that are off; none where the diagnosis was read from a session."""
-    leans = {} if fit is None else fit.captured_leans_deg
+    leans = {} if fit is None else captured_leans_deg(fit.flights, fit.optimum.nuisances)
     if fit is None or not leans:
         return []
     facts = {

@@ -13,7 +13,7 @@ from quadctl import __version__
 from quadctl.effects import Effect
 from quadctl.errors import SettingsError
 from quadctl.lab.comparison.wording import ERRORS
-from quadctl.lab.finding import parameters_of
+from quadctl.lab.finding import Finding, Kind, parameters_of
 from quadctl.lab.fitting.bootstrap import drop_interval
 from quadctl.lab.fitting.fitted_model import FittedModel, fit_as_it_stands, fit_model, is_fitted_to
 from quadctl.lab.fitting.fitter import Fitter, Optimum

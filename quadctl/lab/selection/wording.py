@@ -5,7 +5,6 @@ from typing import Any
 
 from quadctl.lab.finding import Finding, Kind
 from quadctl.lab.selection.candidate import Candidate
-from quadctl.lab.selection.effect_curves import EffectCurve
 from quadctl.lab.selection.rule import (
     RULE,
     is_harmful,
@@ -31,11 +30,6 @@ SMALL_ERROR = 0.0095
 def unit_of(group: str) -> str:
     """Unit of a measured group, as it is printed: `m/s²`."""
     return UNITS[group].replace("^2", "²")
-
-
-def residual_label(curve: EffectCurve) -> str:
-    """Axis label of a residual: `residual forward / m/s²`."""
-    return f"residual {curve.component} / {unit_of(curve.group)}"
 
 
 def candidate_in_words(c: Candidate) -> str:
@@ -66,10 +60,11 @@ def reason_against(c: Candidate, chosen: Candidate | None) -> Finding:
         return Finding(Kind.NO_DROP)
     if not is_significant(c.p_value):
         return Finding(Kind.NOT_SIGNIFICANT, {"p": c.p_value, "limit": RULE.significant})
-    if not c.determined:
-        essential = list(c.effect.essential)
-        return Finding(Kind.ZERO, {"parameters": essential}) if essential else Finding(Kind.UNDETERMINED)
+    essential = list(c.effect.essential)
+    if not c.determined and essential:
+        return Finding(Kind.ZERO, {"parameters": essential})
     for fails, kind in (
+        (not c.determined, Kind.UNDETERMINED),
         (c.at_bound, Kind.AT_BOUND),
         (not c.believable, Kind.IMPLAUSIBLE),
         (is_harmful(c), Kind.HARMFUL),

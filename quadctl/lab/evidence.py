@@ -4,9 +4,9 @@ from dataclasses import dataclass
 
 from quadctl.effects import Effect
 from quadctl.lab.comparison.wording import change_in_words
+from quadctl.lab.effect_curves import EffectCurve, fitted_effect_curves
 from quadctl.lab.fitting.fitted_model import FittedModel, fit_model
 from quadctl.lab.selection.candidate import LEAST_ERROR, measure_of
-from quadctl.lab.selection.effect_curves import EffectCurve, fitted_effect_curves
 from quadctl.lab.selection.refit import drop_between
 from quadctl.lab.selection.removal import held_effect
 

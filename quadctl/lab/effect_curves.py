@@ -17,6 +17,7 @@ from quadctl.lab.flights.dataset import Dataset
 from quadctl.lab.flights.flight import VARIABLE_NAMES
 from quadctl.lab.flights.prediction import MOMENTS, concerns
 from quadctl.lab.selection.addition import Addition
+from quadctl.lab.selection.wording import unit_of
 from quadctl.model import Model
 
 RATIO_DRAWS, CURVE_DRAWS = 400, 60
@@ -94,6 +95,11 @@ class EffectCurve:
     binned_after: Binned
     fitted: Binned
     """Contribution of the effect in the same bins; its error is the spread of the bootstrap draws."""
+
+    @property
+    def residual_label(self) -> str:
+        """Axis label of the residual: `residual forward / m/s²`."""
+        return f"residual {self.component} / {unit_of(self.group)}"
 
 
 def effect_curves(addition: Addition, index: int) -> list[EffectCurve]:
