@@ -230,6 +230,15 @@ def rotor_moments_n_m(flight: Flight) -> Floats:
     return np.asarray(np.outer(flight.load, moment_per_load(flight.vehicle)))
 
 
+def moments_beyond_usual(flights: Sequence[Flight], nuisances: Floats) -> Floats:
+    """Moments that the nuisances of the flights take beyond the bounds in `KINDS`, as a centre of mass that is off by
+    millimetres does where the arms are short: roll, pitch, yaw, N m, shape (n, 3); `nuisances` has shape (flights,
+    kinds)."""
+    taken, usual = nuisances[:, MOMENTS], BOUND[MOMENTS]
+    beyond = taken - np.clip(taken, -usual, usual)
+    return np.concatenate([more * rotor_moments_n_m(flight) for flight, more in zip(flights, beyond, strict=True)])
+
+
 def moment_per_load(vehicle: Vehicle) -> Floats:
     """Root of the summed squares of the moments of the rotors in hover, N m, roll, pitch, yaw, shape (3,)."""
     lever_m = np.linalg.norm([rotor.position_m[:2] for rotor in vehicle.rotors])
