@@ -4,8 +4,11 @@ from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
+import numpy as np
+
 from quadctl.lab.arrays import Floats
 from quadctl.lab.fitting.fitter import Fitter, Optimum
+from quadctl.lab.fitting.nuisances import moments_beyond_usual
 from quadctl.lab.fitting.parameters import (
     Free,
     free_parameters,
@@ -83,6 +86,17 @@ class FittedModel:
     def held_out_rmse(self) -> dict[str, float]:
         """Held-out RMSE per axis and group (see `rmse`)."""
         return rmse(self.held_out_residual, self.dataset.groups)
+
+    @cached_property
+    def unusual_moments(self) -> Floats | None:
+        """Held-out residual of the moments, with what the nuisances take of them beyond the usual, N m, shape (n, 3);
+        None without moments."""
+        groups = self.dataset.groups
+        if "turning" not in groups:
+            return None
+        first = 3 * groups.index("turning")
+        beyond = moments_beyond_usual(self.flights, self.optimum.nuisances)
+        return np.asarray(self.held_out_residual[:, first : first + 3] + beyond)
 
     @cached_property
     def draws(self) -> Floats:

@@ -159,8 +159,8 @@ class Flight:
     velocity_lag_s: float = 0.0
     """Lag of the logged velocity behind the position, s, which has been taken out."""
     trajectory: Floats | None = None
-    """Filtered kinematic acceleration by the velocity, as `measured`, where that is by the accelerometer (see
-    `by_force`); None where it is by the velocity itself."""
+    """Filtered kinematic acceleration by the velocity, as `measured`, where an axis of that is by the accelerometer
+    (see `by_force` and `by_accelerometer`); None where it is by the velocity itself."""
     doubted_axes: tuple[int, ...] = ()
     """Axes of `measured` along which the velocity is wrong, so that the accelerometer tells the acceleration."""
     changes_s: tuple[float, ...] = ()
@@ -237,9 +237,10 @@ class Flight:
             conditions=replace(c, velocity_body_m_s=rotate_inverse(c.attitude, (north, east, -up))),
             measured=np.column_stack([self.derivative @ v for v in (north, east, up)]),
             trajectory=None,
+            doubted_axes=(),
             velocity_lag_s=lag_s,
         )
-        return later.by_accelerometer(self.doubted_axes) if self.trajectory is None else later.by_force()
+        return later.by_force() if self.tells_force else later.by_accelerometer(self.doubted_axes)
 
     def by_force(self) -> "Flight":
         """Copy of the flight whose acceleration is that of the accelerometer: the force on the body over its mass.
@@ -250,19 +251,24 @@ class Flight:
         return self if self.sensed is None else replace(self, measured=self.sensed, trajectory=self.motion)
 
     @property
+    def tells_force(self) -> bool:
+        """True where the accelerometer tells the acceleration along all axes (see `by_force`)."""
+        return self.trajectory is not None and not self.doubted_axes
+
+    @property
     def motion(self) -> Floats:
         """Filtered kinematic acceleration by the velocity, north, east, up, m/s^2, shape (n, 3)."""
         return self.measured if self.trajectory is None else self.trajectory
 
     def by_accelerometer(self, axes: tuple[int, ...]) -> "Flight":
         """Copy of the flight whose acceleration along some axes is that of the accelerometer; its mean stays that of
-        the velocity, so that an offset of the accelerometer counts for nothing."""
+        the velocity, which is off by less than an accelerometer may be."""
         if not axes or self.sensed is None:
             return self
         measured = self.measured.copy()
         for axis in axes:
             measured[:, axis] = self.sensed[:, axis] + np.mean(self.measured[:, axis] - self.sensed[:, axis])
-        return replace(self, measured=measured, doubted_axes=axes)
+        return replace(self, measured=measured, trajectory=self.motion, doubted_axes=axes)
 
     @property
     def duration_s(self) -> float:
@@ -272,8 +278,9 @@ class Flight:
     @property
     def imu_error(self) -> Floats | None:
         """Filtered acceleration by the accelerometer minus `motion`, north, east, up, m/s^2, shape (n, 3); None
-        without one, or where it tells the acceleration itself."""
-        return None if self.sensed is None or self.doubted_axes else self.sensed - self.motion
+        without one. Along doubted axes, too: a velocity that is wrong changes by no more over a flight, but an offset
+        of the accelerometer stays."""
+        return None if self.sensed is None else self.sensed - self.motion
 
     @property
     def velocity_up(self) -> Floats:

@@ -56,9 +56,16 @@ def _kept(predict: Callable[[Model, Flight], Floats]) -> Callable[[Model, Flight
 @_kept
 def predict(model: Model, flight: Flight) -> Floats:
     """Predict `measured` of one flight, north, east, up, m/s^2, shape (n, 3): the filtered kinematic acceleration, with
-    the error of the accelerometer where that measures it."""
+    the error of the accelerometer where that measures it; without its mean where that is the velocity's."""
     found = _filtered(model, flight, lambda nominal, c: ned_from_neu(model.acceleration_ned(nominal, c)))
-    return found if flight.trajectory is None else found + predict_imu_error(model, flight)
+    if flight.trajectory is None:
+        return found
+    error = predict_imu_error(model, flight)
+    if flight.tells_force:
+        return found + error
+    for axis in flight.doubted_axes:
+        found[:, axis] += error[:, axis] - np.mean(error[:, axis])
+    return found
 
 
 def _filtered(model: Model, flight: Flight, at: Callable[[Sequence[Number], Conditions], Vector]) -> Floats:
