@@ -123,6 +123,8 @@ def left_out(model: Model, stages: Actuation) -> tuple[Fact, ...]:
     """Parts of a model that its equations do not hold, each with the reason."""
     found = [*stages.left_out, *delay_left_out(model)]
     for effect in model.effects:
+        if effect.needs_thrust_rate:
+            found.append(fact(Kind.THRUST_RATE if stages.stages else Kind.NO_LAG, effect=effect.name))
         if effect.acts_by("sensed_m_s2"):
             found.append(fact(Kind.SENSED, effect=effect.name))
         flight = effect.values().get("flight", 0.0)

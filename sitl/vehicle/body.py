@@ -91,8 +91,9 @@ class SimulatedBody:
 
     def step(self, outputs: list[float], armed: bool) -> None:
         """Advance by STEP_S; `outputs` are the motor outputs, 0..1."""
+        before = self._nominal_n() if self.truth.needs_thrust_rate else None
         self._turn_rotors(outputs if armed else self._stopped)
-        force_body, torque = self._force_and_torque()
+        force_body, torque = self._force_and_torque(before)
         fx, fy, fz = rotate(self.attitude, force_body)
         fz += self.vehicle.weight_n
         contact = self._contact_force()
@@ -138,16 +139,23 @@ class SimulatedBody:
             power += turned**3
         self.battery.draw(power * self._watts_per_rpm3, STEP_S)
 
-    def _force_and_torque(self) -> tuple[Vec3, Vec3]:
+    def _nominal_n(self) -> list[float]:
+        k = self.vehicle.rotor.thrust_n_per_rpm2
+        return [k * rpm * rpm for rpm in self.rpm]
+
+    def _force_and_torque(self, before_n: Sequence[float] | None) -> tuple[Vec3, Vec3]:
+        """Force and moment; `before_n` is the nominal thrust one step ago, where the truth depends on its change."""
         vehicle, truth = self.vehicle, self.truth
-        k = vehicle.rotor.thrust_n_per_rpm2
-        thrusts: Sequence[float] = [k * rpm * rpm for rpm in self.rpm]
+        thrusts = self._nominal_n()
         if not truth.stack:
             return vehicle.rotor_force(thrusts), vehicle.rotor_torque(thrusts)
         north, east, down = self.position
         velocity_body = rotate_inverse(self.attitude, self.velocity)
         volts, place, rates = self.battery.voltage_v, self._ground, self.rates
-        c = conditions(vehicle, -down, velocity_body, self.attitude, self.time_s, volts, (north, east), place, rates)
+        change = () if before_n is None else [(n - b) / STEP_S for n, b in zip(thrusts, before_n, strict=True)]
+        c = conditions(
+            vehicle, -down, velocity_body, self.attitude, self.time_s, volts, (north, east), place, rates, change
+        )
         return truth.loads(thrusts, c)
 
     def _contact_force(self) -> Vec3 | None:

@@ -7,6 +7,7 @@ from pydantic import ValidationError
 from quadctl.effects import Effect
 from quadctl.effects.airspeed_moment import IsotropicMoment
 from quadctl.effects.rate_damping import ProportionalDamping
+from quadctl.effects.rotor_reaction import InertialReaction
 from quadctl.errors import SettingsError
 from quadctl.lab.rotation.innovations import Value
 from quadctl.lab.rotation.parameters import AXES, Rotation, together
@@ -18,15 +19,16 @@ def with_rotation(model: Model, found: Rotation) -> Model:
     """The model with all that the flights identify of its rotation; the rest stays.
 
     Inertia and, where commands were logged, the rotors' lag are numbers of the vehicle, which the new file holds
-    itself; `rate_damping` and `airspeed_moment` are effects, and take the place of those in the model, as far as their
-    intervals leave out 0. The moment by airspeed has one coefficient for roll and pitch, weighted by their intervals.
+    itself; `rate_damping`, `airspeed_moment` and `rotor_reaction` are effects, and take the place of those in the model,
+    as far as their intervals leave out 0. The moment by airspeed has one coefficient for roll and pitch, weighted by their intervals.
 
     Raises
     ------
     SettingsError
         Nothing is identified, or no body has such an inertia.
     """
-    effects = [effect for effect in (_damping(found), _airspeed(found, model.vehicle)) if effect is not None]
+    fitted = (_damping(found), _airspeed(found, model.vehicle), _reaction(found))
+    effects = [effect for effect in fitted if effect is not None]
     vehicle = _vehicle(model.vehicle, found)
     if not effects and vehicle == model.vehicle:
         raise SettingsError(
@@ -83,3 +85,10 @@ def _airspeed(found: Rotation, vehicle: Vehicle) -> Fitted | None:
         return None
     k = together(one)
     return None if k.low <= 0.0 <= k.high else (IsotropicMoment(k.value), {"k": (k.low, k.high)})
+
+
+def _reaction(found: Rotation) -> Fitted | None:
+    lead = found.told("yaw").get("lead_s")
+    if lead is None or lead.low <= 0.0:
+        return None
+    return InertialReaction(lead.value), {"lead_s": (lead.low, lead.high)}

@@ -9,7 +9,7 @@ where e = dln T / dln x is the elasticity of the thrust, T = k1 x + k2 x^2. The 
 accelerometer e.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
@@ -42,6 +42,7 @@ GUST_TURNS_S, GUST_PUSHES_S = 0.4, 0.12
 """Time until a gust shows in the gyro, and in the accelerometer, above their noise. A gust moves the vehicle before: by
 the velocity of this instant it would pass for a weaker moment and a weaker drag."""
 LEAST_LAG_S, MOST_LAG_S = 1e-3, 0.5
+MOST_LEAD_S = 2.0
 KNOWN_LAG_S = 0.2
 """Bound of a lag that may be none, below which it is told."""
 MOST_UNKNOWN = 0.25
@@ -71,12 +72,13 @@ class _Axis:
     record: Record
 
     def regression(
-        self, damping: float, lag_s: float, delay_s: float, shared: Floats, noise: SteadyFilter
+        self, damping: float, acts: tuple[float, float, float], shared: Floats, noise: SteadyFilter
     ) -> Regression:
-        step_s = self.record.step_s
+        """Regression with lag, delay and lead of the moment, `acts`."""
+        step_s, (lag_s, delay_s, lead_s) = self.record.step_s, acts
         held_s = delay_s - step_s / 2.0
         command = self.difference.before(step_s + max(held_s, 0.0))
-        turned = held_response(command, damping, lag_s, step_s, max(-held_s, 0.0))
+        turned = held_response(command, damping, lag_s, step_s, max(-held_s, 0.0), lead_s)
         forces = [*([] if self.airspeed is None else [self.airspeed]), np.ones(len(self.rate))]
         moved = np.vstack([turned, first_order(np.array(forces), damping, step_s)])
         rate = (self.rate - self.rate[0])[:: self.record.every]
@@ -97,8 +99,18 @@ def differences(command: Floats, elasticity: float, vehicle: Vehicle) -> Floats:
     return np.asarray(bent @ (arms / np.abs(arms).mean(axis=0)) / len(arms))
 
 
-def fit_axis(records: Sequence[Record], vehicle: Vehicle, axis: int, hover: float, thrust: "ThrustMap") -> Estimated:
-    """Fit the moments about a body axis; `hover` is the mean command in flight. Yaw has no moment by airspeed."""
+def fit_axis(
+    records: Sequence[Record],
+    vehicle: Vehicle,
+    axis: int,
+    hover: float,
+    thrust: "ThrustMap",
+    late: tuple[float, float] | None = None,
+) -> Estimated:
+    """Fit the moments about a body axis; `hover` is the mean command in flight. Yaw has no moment by airspeed.
+
+    Where lag and delay of the rotors are known, `late`, the lead of the moment is fitted: by the rotors' inertia.
+    """
     by_air = axis != YAW and flown(records, 1 - axis)
     flights = [
         _Axis(
@@ -111,8 +123,10 @@ def fit_axis(records: Sequence[Record], vehicle: Vehicle, axis: int, hover: floa
     ]
 
     def regress(x: Floats) -> list[Regression]:
-        noise = {s: noise_of(x[3:7]).of_rate(x[0], s) for s in {r.measured_s for r in records}}
-        return [f.regression(x[0], x[1], x[2], x[7:], noise[f.record.measured_s]) for f in flights]
+        free = 3 if late is None else 2
+        noise = {s: noise_of(x[free : free + 4]).of_rate(x[0], s) for s in {r.measured_s for r in records}}
+        acts = (x[1], x[2], 0.0) if late is None else (*late, x[1])
+        return [f.regression(x[0], acts, x[free + 4 :], noise[f.record.measured_s]) for f in flights]
 
     step_s = min(r.step_s for r in records)
     names = ["damping_1_s", "lag_s", "delay_s", *NOISE_NAMES]
@@ -121,6 +135,9 @@ def fit_axis(records: Sequence[Record], vehicle: Vehicle, axis: int, hover: floa
     earliest_s = 0.0 if all(r.own_times for r in records) else step_s
     low, high = np.array([0.0, LEAST_LAG_S, earliest_s, *LOW_NOISE]), np.array([40.0, MOST_LAG_S, 0.2, *HIGH_NOISE])
     scale = np.array([1.0, 0.01, 0.01, 1.0, 1.0, 1.0, 1.0])
+    if late is not None:
+        names[1], start[1], low[1], high[1] = "lead_s", max(late[0], 0.02), 0.0, MOST_LEAD_S
+        names, start, scale, low, high = names[:2] + names[3:], *(np.delete(a, 2) for a in (start, scale, low, high))
     return _estimated(records, regress, names, linear, start, scale, low, high)
 
 
@@ -358,9 +375,9 @@ class Rotation:
         shown = {"slope": fit.values["slope"]}
         if axis in self.gain:
             shown["gain"] = self.gain[axis]
-        others = [name for name in ("damping_1_s", "airspeed") if name in fit.values and name not in fit.at_bound]
+        others = [name for name in ("damping_1_s", "airspeed", "lead_s") if name in fit.values and name not in fit.at_bound]
         shown |= {name: fit.values[name] for name in others}
-        lag = self._lag(axis)
+        lag = None if "lead_s" in fit.values else self._lag(axis)
         return shown | ({} if lag is None else {"lag_s": lag})
 
     def is_told(self, axis: str) -> bool:
@@ -449,10 +466,11 @@ def fit_rotation(records: Sequence[Record], vehicle: Vehicle) -> Rotation:
     """Estimate rotation, thrust map and drag from these flights; the map first with the lag that the gyro shows."""
     first = ThrustMap(1.0, False, None)
     rough = [fit_axis(records, vehicle, axis, hover_command(records, False), first) for axis in range(YAW)]
-    lags = [fit.values["lag_s"] for fit in rough if is_told(fit)]
-    thrust = fit_thrust_map(records, known_lag(together(lags), max(r.step_s for r in records)) if lags else None)
+    step_s = max(r.step_s for r in records)
+    thrust = fit_thrust_map(records, _lag_of(rough, step_s))
     hover = hover_command(records, thrust.by_voltage)
-    axes = {name: fit_axis(records, vehicle, i, hover, thrust) for i, name in enumerate(AXES)}
+    axes = {name: fit_axis(records, vehicle, i, hover, thrust) for i, name in enumerate(AXES[:YAW])}
+    axes[AXES[YAW]] = _fit_yaw(records, vehicle, hover, thrust, list(axes.values()))
     with_force = all(r.force is not None for r in records)
     drag = {f"d_{'xy'[i]}": fit_drag(records, i) for i in (0, 1) if with_force and flown(records, i)}
     share, half = shares(records)
@@ -466,12 +484,42 @@ def fit_rotation(records: Sequence[Record], vehicle: Vehicle) -> Rotation:
         records[0].measured,
         drag,
         share,
-        max(r.step_s for r in records),
+        step_s,
         {name: float(np.mean([r.unknown[i] for r in records])) for i, name in enumerate(AXES)},
         half,
         level_hover(records, thrust),
         {name: float(vehicle.weight_n * arms[i]) for i, name in enumerate(AXES) if arms[i] > 0.0},
     )
+
+
+def _lag_of(fits: Iterable[Estimated], step_s: float) -> Value | None:
+    """Lag of the rotors by roll and pitch; None where neither tells it."""
+    lags = [fit.values["lag_s"] for fit in fits if is_told(fit)]
+    return known_lag(together(lags), step_s) if lags else None
+
+
+def _fit_yaw(
+    records: Sequence[Record], vehicle: Vehicle, hover: float, thrust: ThrustMap, others: Sequence[Estimated]
+) -> Estimated:
+    """Moments about yaw, with lag and delay of the rotors as roll and pitch tell them.
+
+    What these two are off by widens the intervals; a longer lag goes with a shorter delay.
+    """
+    lag = _lag_of(others, max(r.step_s for r in records))
+    if lag is None:
+        return fit_axis(records, vehicle, YAW, hover, thrust)
+    delay = together([fit.values["delay_s"] for fit in others if is_told(fit)])
+    pairs = ((lag.value, delay.value), (lag.low, delay.high), (lag.high, max(delay.low, 0.0)))
+    found, *ends = (fit_axis(records, vehicle, YAW, hover, thrust, late) for late in pairs)
+
+    def widened(name: str) -> Value:
+        value = found.values[name]
+        by_late = max(abs(end.values[name].value - value.value) for end in ends)
+        half = float(np.hypot((value.high - value.low) / 2.0, by_late))
+        return Value(value.value, value.value - half, value.value + half)
+
+    told = {name: widened(name) for name in ("lead_s", "damping_1_s", "slope")}
+    return replace(found, values=found.values | told | {"lag_s": lag, "delay_s": delay})
 
 
 def shares(records: Sequence[Record]) -> tuple[Floats, Floats]:

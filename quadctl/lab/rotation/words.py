@@ -16,6 +16,7 @@ ROWS = (
     ("damping_1_s", "damping of the rate", "1/s"),
     ("airspeed", "moment by airspeed", "rad/s² per m/s"),
     ("lag_s", "rotor lag", "s"),
+    ("lead_s", "lead by the rotors' inertia", "s"),
 )
 INERTIA = ("inertia", "kg m²")
 """Name and unit of the row of the moments of inertia."""
