@@ -28,6 +28,8 @@ class Rotor(Settings):
     thrust_n_per_rpm2: PositiveFloat
     torque_to_thrust_m: NonNegativeFloat = 0.016
     time_constant_s: float = Field(default=0.04, ge=0.0, lt=2.0)
+    delay_s: float = Field(default=0.0, ge=0.0, lt=0.5)
+    """Time from a command until the rotors begin to follow it, before the lag."""
 
 
 class RotorPlace(Settings):

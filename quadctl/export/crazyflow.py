@@ -13,6 +13,7 @@ from quadctl.effects.rotor_drag import LinearDrag
 from quadctl.effects.rotor_reaction import InertialReaction
 from quadctl.effects.thrust_scale import ConstantScale
 from quadctl.errors import SettingsError
+from quadctl.export.centred import centred
 from quadctl.export.equations import commands_left_out
 from quadctl.export.left_out import Kind
 from quadctl.frames import GRAVITY_M_S2
@@ -40,6 +41,7 @@ def parameters(model: Model) -> Parameters:
     SettingsError
         The target cannot hold the vehicle: it has other than four rotors, or tilted ones.
     """
+    model = centred(model)
     vehicle = model.vehicle
     _require_rotors(vehicle)
     scale, drag_kg_s, rotor_inertia = 1.0, [0.0, 0.0, 0.0], 0.0

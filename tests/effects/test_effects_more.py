@@ -17,6 +17,7 @@ from quadctl.compensator import Compensator, CompensatorLimits, Unphysical, chec
 from quadctl.effects import CATALOG, Conditions, Effect, ThrustRatio, find_effect
 from quadctl.effects.body_drag import QuadraticDrag
 from quadctl.effects.ceiling_effect import MomentumCeiling
+from quadctl.effects.centre_of_mass import FixedOffset
 from quadctl.effects.ground_effect import (
     Cheeseman,
     CheesemanForward,
@@ -300,6 +301,7 @@ def test_what_the_lab_never_proposes() -> None:
         Kan,
         ProportionalDamping,
         InertialReaction,
+        FixedOffset,
     }
 
 

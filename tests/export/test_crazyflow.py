@@ -92,9 +92,7 @@ def test_the_speeds_of_the_rotors_follow_their_commands_with_the_lag_of_the_vehi
     assert found == pytest.approx((commands - speeds) / (raptor.rotor.time_constant_s + 0.03))
 
 
-def test_a_rotor_that_spins_up_turns_the_vehicle_as_in_the_model(
-    raptor: Vehicle, dynamics: Callable[..., Any]
-) -> None:
+def test_a_rotor_that_spins_up_turns_the_vehicle_as_in_the_model(raptor: Vehicle, dynamics: Callable[..., Any]) -> None:
     """In hover, where the rotor's inertia and its lead are the same."""
     model = Model(raptor).plus(InertialReaction(0.06))
     each, k = raptor.weight_n / 4.0, raptor.rotor.thrust_n_per_rpm2

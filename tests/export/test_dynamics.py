@@ -128,9 +128,7 @@ def conditions(model: Model, x: Floats, p: Floats, thrust_rate_n_s: Floats | Non
     )
 
 
-def derivative(
-    model: Model, x: Floats, nominal_n: Floats, p: Floats, thrust_rate_n_s: Floats | None = None
-) -> Floats:
+def derivative(model: Model, x: Floats, nominal_n: Floats, p: Floats, thrust_rate_n_s: Floats | None = None) -> Floats:
     """Derivatives of position, velocity and body rates by the model's own prediction."""
     c, inertia = conditions(model, x, p, thrust_rate_n_s), np.array(model.vehicle.principal_inertia_kg_m2)
     turning = np.array(model.body_torque(list(nominal_n), c)) - np.cross(x[10:13], inertia * x[10:13])

@@ -9,7 +9,7 @@ where e = dln T / dln x is the elasticity of the thrust, T = k1 x + k2 x^2. The 
 accelerometer e.
 """
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
@@ -60,6 +60,8 @@ SETTLED_S = 1.5
 """Time until the filter's start is forgotten."""
 LOW_NOISE, HIGH_NOISE = np.array([-5.0, -1.5, -7.0, -9.0]), np.array([-1.5, 3.0, 3.0, 5.0])
 """Bounds of the noise's logarithms: the quick disturbance is quicker than the slow one."""
+LOW_QUICK = -8.0
+"""That of the quick one in yaw: the rotors' inertia hands on at once what their speed scatters by."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,11 +107,12 @@ def fit_axis(
     axis: int,
     hover: float,
     thrust: "ThrustMap",
-    late: tuple[float, float] | None = None,
+    late: tuple[float, Value] | None = None,
 ) -> Estimated:
     """Fit the moments about a body axis; `hover` is the mean command in flight. Yaw has no moment by airspeed.
 
-    Where lag and delay of the rotors are known, `late`, the lead of the moment is fitted: by the rotors' inertia.
+    Where lag and delay of the rotors are known, `late`, the lead of the moment is fitted, by the rotors' inertia, and
+    the delay within its interval.
     """
     by_air = axis != YAW and flown(records, 1 - axis)
     flights = [
@@ -123,10 +126,9 @@ def fit_axis(
     ]
 
     def regress(x: Floats) -> list[Regression]:
-        free = 3 if late is None else 2
-        noise = {s: noise_of(x[free : free + 4]).of_rate(x[0], s) for s in {r.measured_s for r in records}}
-        acts = (x[1], x[2], 0.0) if late is None else (*late, x[1])
-        return [f.regression(x[0], acts, x[free + 4 :], noise[f.record.measured_s]) for f in flights]
+        noise = {s: noise_of(x[3:7]).of_rate(x[0], s) for s in {r.measured_s for r in records}}
+        acts = (x[1], x[2], 0.0) if late is None else (late[0], x[2], x[1])
+        return [f.regression(x[0], acts, x[7:], noise[f.record.measured_s]) for f in flights]
 
     step_s = min(r.step_s for r in records)
     names = ["damping_1_s", "lag_s", "delay_s", *NOISE_NAMES]
@@ -136,8 +138,12 @@ def fit_axis(
     low, high = np.array([0.0, LEAST_LAG_S, earliest_s, *LOW_NOISE]), np.array([40.0, MOST_LAG_S, 0.2, *HIGH_NOISE])
     scale = np.array([1.0, 0.01, 0.01, 1.0, 1.0, 1.0, 1.0])
     if late is not None:
-        names[1], start[1], low[1], high[1] = "lead_s", max(late[0], 0.02), 0.0, MOST_LEAD_S
-        names, start, scale, low, high = names[:2] + names[3:], *(np.delete(a, 2) for a in (start, scale, low, high))
+        lag_s, delay = late
+        earliest_s = max(delay.low, earliest_s)
+        latest_s = max(delay.high, earliest_s + step_s)
+        names[1], start[1], low[1], high[1] = "lead_s", max(lag_s, 0.02), 0.0, MOST_LEAD_S
+        start[2], low[2], high[2] = 0.5 * (earliest_s + latest_s), earliest_s, latest_s
+        low[3] = LOW_QUICK
     return _estimated(records, regress, names, linear, start, scale, low, high)
 
 
@@ -354,6 +360,9 @@ class Rotation:
     """Half of the 95 % interval of each rotor's share, shape (k,)."""
     level: Value | None = None
     """Output, or squared speed, of all rotors at which their thrust is the weight."""
+    centre_m: dict[str, Value] = field(default_factory=dict)
+    """Centre of mass before (`forward`) and right of (`right`) the middle of the rotors, m, with rotors that are alike;
+    empty where the thrust map is not known."""
     ratios: dict[str, float] = field(default_factory=dict)
     """Inertia over weight times arm, by the vehicle's file, times the gain: 1 for each axis."""
 
@@ -375,7 +384,9 @@ class Rotation:
         shown = {"slope": fit.values["slope"]}
         if axis in self.gain:
             shown["gain"] = self.gain[axis]
-        others = [name for name in ("damping_1_s", "airspeed", "lead_s") if name in fit.values and name not in fit.at_bound]
+        others = [
+            name for name in ("damping_1_s", "airspeed", "lead_s") if name in fit.values and name not in fit.at_bound
+        ]
         shown |= {name: fit.values[name] for name in others}
         lag = None if "lead_s" in fit.values else self._lag(axis)
         return shown | ({} if lag is None else {"lag_s": lag})
@@ -398,6 +409,13 @@ class Rotation:
         return known_lag(together(told), self.step_s) if told else None
 
     @cached_property
+    def delay(self) -> Value | None:
+        """Delay of the commands before that lag; None where roll and pitch do not tell the lag. What happens within a
+        step, and within a logged one, is not told."""
+        told = [self.axes[axis].values["delay_s"] for axis in AXES[:YAW] if axis in self.axes and self.is_told(axis)]
+        return known_lag(together(told), self.step_s) if told and self.lag is not None else None
+
+    @cached_property
     def inertia(self) -> dict[str, Value]:
         """Moment of inertia about each axis, kg m^2, with the mass, the arms and the torque constant of the vehicle's
         file."""
@@ -414,6 +432,7 @@ class Rotation:
             "flights": list(self.names),
             "axes": {name: {k: v.to_dict() for k, v in self.told(name).items()} for name in self.axes},
             "lag_s": None if self.lag is None else self.lag.to_dict(),
+            "delay_s": None if self.delay is None else self.delay.to_dict(),
             "inertia_kg_m2": {name: value.to_dict() for name, value in self.inertia.items()},
             "correlation_of_innovations": {name: fit.correlation for name, fit in self.axes.items()},
             "unknown_of_commands": self.unknown,
@@ -424,6 +443,7 @@ class Rotation:
             "level_hover_command": None if self.level is None else self.level.to_dict(),
             "share_of_rotors": [float(s) for s in self.share],
             "share_of_rotors_half_ci95": [float(h) for h in half],
+            "centre_of_mass_m": {name: value.to_dict() for name, value in self.centre_m.items()},
         }
 
 
@@ -488,6 +508,7 @@ def fit_rotation(records: Sequence[Record], vehicle: Vehicle) -> Rotation:
         {name: float(np.mean([r.unknown[i] for r in records])) for i, name in enumerate(AXES)},
         half,
         level_hover(records, thrust),
+        _centre(records, vehicle, hover, thrust, axes),
         {name: float(vehicle.weight_n * arms[i]) for i, name in enumerate(AXES) if arms[i] > 0.0},
     )
 
@@ -503,23 +524,24 @@ def _fit_yaw(
 ) -> Estimated:
     """Moments about yaw, with lag and delay of the rotors as roll and pitch tell them.
 
-    What these two are off by widens the intervals; a longer lag goes with a shorter delay.
+    What the lag is off by widens the intervals.
     """
     lag = _lag_of(others, max(r.step_s for r in records))
     if lag is None:
         return fit_axis(records, vehicle, YAW, hover, thrust)
     delay = together([fit.values["delay_s"] for fit in others if is_told(fit)])
-    pairs = ((lag.value, delay.value), (lag.low, delay.high), (lag.high, max(delay.low, 0.0)))
-    found, *ends = (fit_axis(records, vehicle, YAW, hover, thrust, late) for late in pairs)
+    found, *ends = (
+        fit_axis(records, vehicle, YAW, hover, thrust, (lag_s, delay)) for lag_s in (lag.value, lag.low, lag.high)
+    )
 
     def widened(name: str) -> Value:
         value = found.values[name]
-        by_late = max(abs(end.values[name].value - value.value) for end in ends)
-        half = float(np.hypot((value.high - value.low) / 2.0, by_late))
+        by_lag = max(abs(end.values[name].value - value.value) for end in ends)
+        half = float(np.hypot((value.high - value.low) / 2.0, by_lag))
         return Value(value.value, value.value - half, value.value + half)
 
     told = {name: widened(name) for name in ("lead_s", "damping_1_s", "slope")}
-    return replace(found, values=found.values | told | {"lag_s": lag, "delay_s": delay})
+    return replace(found, values=found.values | told | {"lag_s": lag})
 
 
 def shares(records: Sequence[Record]) -> tuple[Floats, Floats]:
@@ -527,6 +549,28 @@ def shares(records: Sequence[Record]) -> tuple[Floats, Floats]:
     parts = _block_means(records, [r.drive for r in records])
     of_all = parts / parts.mean(axis=1, keepdims=True)
     return of_all.mean(axis=0), _half(of_all)
+
+
+def _centre(
+    records: Sequence[Record], vehicle: Vehicle, hover: float, thrust: ThrustMap, axes: Mapping[str, Estimated]
+) -> dict[str, Value]:
+    """Centre of mass as the moments tell it that the rotors balance on the mean, beside those of the airspeed."""
+    e, arms = thrust.found, np.abs(np.array(vehicle.moment_arms_m)).mean(axis=0)
+    if e is None:
+        return {}
+    found = {}
+    for name, i, sign in (("forward", 1, 1.0), ("right", 0, -1.0)):
+        fit, signals = axes[AXES[i]], []
+        by_air = fit.values["airspeed"].value / fit.values["slope"].value if "airspeed" in fit.values else 0.0
+        for r in records:
+            split = differences(r.command(thrust.by_voltage) / hover, thrust.value, vehicle)[:, i]
+            signals.append((split if r.airspeed is None else split + by_air * r.airspeed[:, 1 - i])[:, None])
+        blocks = sign * arms[i] * _block_means(records, signals)
+        mean = float(blocks.mean()) * e.value
+        half = float(np.hypot(e.value * _half(blocks)[0], mean * (e.high - e.low) / 2.0 / e.value))
+        if is_told(fit):
+            found[name] = Value(mean, mean - half, mean + half)
+    return found
 
 
 def level_hover(records: Sequence[Record], thrust: ThrustMap) -> Value | None:

@@ -96,7 +96,7 @@ def _flown(truth: Truth, drawn: Floats, phase: Floats) -> list[Record]:  # noqa:
             level = np.array(rotate_inverse(tuple(q), tuple(asked - np.array([[0.0], [0.0], [GRAVITY_M_S2]]))))
             tilt = np.array([level[1], -level[0], np.zeros(seeds)]) / GRAVITY_M_S2
             heading = np.arctan2(2.0 * (q[0] * q[3] + q[1] * q[2]), 1.0 - 2.0 * (q[2] ** 2 + q[3] ** 2))
-            tilt[2] = 0.5 * np.sin(1.3 * t + phase[0]) + 0.2 * np.sin(4.0 * t + phase[1]) - heading
+            tilt[2] = 0.25 * np.sin(1.3 * t + phase[0]) + 0.12 * np.sin(4.0 * t + phase[1]) - heading
             turn = np.array([[7.0], [7.0], [3.0]]) * tilt - measured
             integral += STEP_S * CONTROL_EVERY * turn
             moments = np.array([[0.025], [0.03], [0.1]]) * (turn + 1.5 * integral)
@@ -112,7 +112,9 @@ def _flown(truth: Truth, drawn: Floats, phase: Floats) -> list[Record]:  # noqa:
             noise = np.array([[0.08], [0.08], [0.2]]) * white[13:16]
             logged.append((seen, waiting[-1], force + noise + 0.05, body + 0.005 * white[16:19]))
         reaction = np.diag([0.0, 0.0, 1.0]) @ arms @ change * truth.lead_s / STEP_S
-        torque = (arms @ thrust + reaction) / inertia + np.array([-truth.airspeed * air[1], truth.airspeed * air[0], 0.0 * air[0]])
+        torque = (arms @ thrust + reaction) / inertia + np.array(
+            [-truth.airspeed * air[1], truth.airspeed * air[0], 0.0 * air[0]]
+        )
         angular = torque + moment - truth.damping_1_s * rates
         angular -= np.cross(rates.T, (inertia * rates).T).T / inertia
         world = np.array(rotate(tuple(q), tuple(force)))

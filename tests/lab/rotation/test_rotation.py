@@ -12,6 +12,7 @@ from scipy.stats import binom
 from quadctl.effects.airspeed_moment import IsotropicMoment
 from quadctl.effects.rate_damping import ProportionalDamping
 from quadctl.effects.rotor_drag import LinearDrag
+from quadctl.effects.rotor_reaction import InertialReaction
 from quadctl.errors import SettingsError
 from quadctl.frames import GRAVITY_M_S2
 from quadctl.lab.arrays import Floats
@@ -34,7 +35,7 @@ from quadctl.lab.rotation.rollout import (
     turned_by,
 )
 from quadctl.model import Model
-from tests.lab.rotation.closed_loop import VEHICLE, Truth, flights
+from tests.lab.rotation.closed_loop import DELAY_STEPS, REACTION_M, STEP_S, VEHICLE, Truth, flights
 from tests.support.commands import Result
 from tests.support.places import DATA, ROOT
 
@@ -92,6 +93,27 @@ class TestInClosedLoop:
             assert told["airspeed"].low < (-1.0, 1.0)[i] * TRUTH.airspeed < told["airspeed"].high
             assert told["gain"].high - told["gain"].low < 0.5 * TRUTH.gain(i)
 
+    def test_the_reaction_of_the_rotors_lies_in_its_interval(self, found: Rotation) -> None:
+        """And with it the gain in yaw, which would be half without it."""
+        told, true = found.told("yaw"), VEHICLE.weight_n * REACTION_M / TRUTH.inertia[2]
+        assert max(told["lead_s"].low, 0.01) < TRUTH.lead_s < told["lead_s"].high < 3.0 * TRUTH.lead_s
+        assert told["gain"].low < true < told["gain"].high < 2.0 * true
+        assert "lag_s" not in told
+
+    def test_the_delay_of_the_command_lies_in_its_interval(self, found: Rotation) -> None:
+        assert found.delay is not None
+        assert 0.0 < found.delay.low < STEP_S * DELAY_STEPS < found.delay.high < 0.05
+
+    def test_unequal_rotors_look_like_a_centre_of_mass(self, found: Rotation) -> None:
+        """The vehicle carries its weight where the thrusts of the same commands have their centre, as the controller
+        evens them out."""
+        places = np.array([rotor.position_m[:2] for rotor in VEHICLE.rotors])
+        alike = 1.0 / np.array(TRUTH.rotor_share)
+        for axis, name in enumerate(("forward", "right")):
+            true = float(places[:, axis] @ alike / alike.sum())
+            told = found.centre_m[name]
+            assert told.low < true < told.high < told.low + 5e-3
+
     def test_the_elasticity_of_the_thrust_lies_in_its_interval(self, records: list[Record], found: Rotation) -> None:
         bend, weights = TRUTH.bend, -np.mean([r.force[:, 2] for r in records if r.force is not None]) / GRAVITY_M_S2
         true = weights * (1.0 - bend + 2.0 * bend * found.hover) / (1.0 - bend + bend * found.hover)
@@ -141,12 +163,14 @@ class TestInClosedLoop:
         model = with_rotation(before, found)
         assert model.vehicle.principal_inertia_kg_m2[:2] == pytest.approx(TRUTH.inertia[:2], rel=0.2)
         assert model.vehicle.rotor.time_constant_s == pytest.approx(TRUTH.lag_s, rel=0.2)
-        drag, damping, moment = model.effects
+        assert model.vehicle.rotor.delay_s == pytest.approx(STEP_S * DELAY_STEPS, rel=0.5)
+        drag, damping, moment, *others = model.effects
+        assert InertialReaction in map(type, others)
         assert drag == LinearDrag(0.3, 0.3, 0.0)
         assert isinstance(damping, ProportionalDamping) and isinstance(moment, IsotropicMoment)
         assert damping.roll_1_s == pytest.approx(TRUTH.damping_1_s, rel=0.4)
         assert 2.2 < moment.k < 3.2
-        fitted = model.stack[-1].fitted
+        fitted = model.stack[2].fitted
         assert fitted is not None and fitted.logs == found.names
         assert fitted.ci95["k"][0] < moment.k < fitted.ci95["k"][1]
 
