@@ -361,8 +361,8 @@ class Rotation:
     level: Value | None = None
     """Output, or squared speed, of all rotors at which their thrust is the weight."""
     centre_m: dict[str, Value] = field(default_factory=dict)
-    """Centre of mass before (`forward`) and right of (`right`) the middle of the rotors, m, with rotors that are alike;
-    empty where the thrust map is not known."""
+    """Centre of mass before (`forward`) and right of (`right`) the middle of the rotors, m, with rotors that are alike
+    and no wind; empty where the thrust map is not known."""
     ratios: dict[str, float] = field(default_factory=dict)
     """Inertia over weight times arm, by the vehicle's file, times the gain: 1 for each axis."""
 

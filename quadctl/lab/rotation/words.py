@@ -72,7 +72,7 @@ def _thrust(found: Rotation) -> list[str]:
             f"{name} {1e3 * v.value:.3g} [{1e3 * v.low:.3g}, {1e3 * v.high:.3g}] mm"
             for name, v in found.centre_m.items()
         )
-        lines.append(f"As a centre of mass, with rotors that are alike: {off}.")
+        lines.append(f"As a centre of mass, with rotors that are alike and no wind: {off}.")
     if found.lag is not None:
         behind = "" if found.delay is None else f", behind a delay of the command of {_shown(found.delay)} s"
         lines.append(f"Rotor lag by roll and pitch: {_shown(found.lag)} s{behind}.")

@@ -50,6 +50,7 @@ class Truth:
     """Share of the square in the thrust map T = T_full ((1 - bend) u + bend u^2)."""
     full_n: float = 4.6
     rotor_share: tuple[float, float, float, float] = (1.03, 0.98, 1.01, 0.97)
+    wind_m_s: tuple[float, float, float] = (1.6, -0.9, 0.2)
 
     def gain(self, axis: int) -> float:
         """Angular acceleration per weight of thrust difference, rad/s^2."""
@@ -78,7 +79,7 @@ def _flown(truth: Truth, drawn: Floats, phase: Floats) -> list[Record]:  # noqa:
     waiting = [np.full((4, seeds), hover)] * (DELAY_STEPS + 1)
     integral, place_integral, gust, moment = (np.zeros((3, seeds)) for _ in range(4))
     command, measured = waiting[0], np.zeros((3, seeds))
-    wind = np.array([1.6, -0.9, 0.2])[:, None]
+    wind = np.array(truth.wind_m_s)[:, None]
     logged: list[tuple[Floats, ...]] = []
     for k in range(n):
         white = drawn[k]

@@ -10,6 +10,7 @@ import pytest
 from scipy.stats import binom
 
 from quadctl.effects.airspeed_moment import IsotropicMoment
+from quadctl.effects.centre_of_mass import FixedOffset
 from quadctl.effects.rate_damping import ProportionalDamping
 from quadctl.effects.rotor_drag import LinearDrag
 from quadctl.effects.rotor_reaction import InertialReaction
@@ -104,15 +105,19 @@ class TestInClosedLoop:
         assert found.delay is not None
         assert 0.0 < found.delay.low < STEP_S * DELAY_STEPS < found.delay.high < 0.05
 
-    def test_unequal_rotors_look_like_a_centre_of_mass(self, found: Rotation) -> None:
-        """The vehicle carries its weight where the thrusts of the same commands have their centre, as the controller
-        evens them out."""
+    def test_in_still_air_unequal_rotors_look_like_a_centre_of_mass(self) -> None:
+        """It is where the thrusts of the same commands have their centre, as the controller evens them out."""
+        uneven = (1.08, 0.95, 0.93, 1.04)
+        still = replace(TRUTH, rotor_share=uneven, wind_m_s=(0.0, 0.0, 0.0))
+        found = fit_rotation(flights(still, 1, 40.0), VEHICLE)
         places = np.array([rotor.position_m[:2] for rotor in VEHICLE.rotors])
-        alike = 1.0 / np.array(TRUTH.rotor_share)
+        carried = 1.0 / np.array(uneven)
         for axis, name in enumerate(("forward", "right")):
-            true = float(places[:, axis] @ alike / alike.sum())
+            true = float(places[:, axis] @ carried / carried.sum())
             told = found.centre_m[name]
-            assert told.low < true < told.high < told.low + 5e-3
+            assert told.low < true < told.high < told.low + 6e-3
+        offset = next(e for e in with_rotation(Model(VEHICLE), found).effects if isinstance(e, FixedOffset))
+        assert offset.forward_mm < -4.0
 
     def test_the_elasticity_of_the_thrust_lies_in_its_interval(self, records: list[Record], found: Rotation) -> None:
         bend, weights = TRUTH.bend, -np.mean([r.force[:, 2] for r in records if r.force is not None]) / GRAVITY_M_S2
@@ -179,10 +184,15 @@ class TestInClosedLoop:
             axes = {name: replace(fit, values={**fit.values, **values}) for name, fit in found.axes.items()}
             return replace(found, axes=axes)
 
-        nothing = replaced(damping_1_s=Value(0.4, -0.1, 0.9), airspeed=Value(0.1, -0.3, 0.5))
+        none = {
+            "damping_1_s": Value(0.4, -0.1, 0.9),
+            "airspeed": Value(0.1, -0.3, 0.5),
+            "lead_s": Value(0.1, -0.1, 0.3),
+        }
+        nothing = replace(replaced(**none), centre_m={"right": Value(1e-3, -1e-3, 3e-3)})
         assert with_rotation(Model(VEHICLE), nothing).effects == ()
         with pytest.raises(SettingsError, match="nothing of the rotation is identified"):
-            with_rotation(Model(VEHICLE), replaced(slope=Value(1.0, -1.0, 3.0)))
+            with_rotation(Model(VEHICLE), replace(replaced(slope=Value(1.0, -1.0, 3.0)), centre_m={}))
 
     @pytest.mark.long
     @pytest.mark.timeout(3000)
