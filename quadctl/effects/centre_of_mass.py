@@ -21,7 +21,7 @@ class FixedOffset(Effect):
     arm. The lab takes either for a trim of the flight; `quadctl rotation` finds it in the rotors' mean commands.
     """
 
-    name: ClassVar[str] = "centre_of_mass.offset"
+    name: ClassVar[str] = "centre_of_mass.shifted"
     source: ClassVar[str] = "r x F about the centre of mass"
     formula: ClassVar[str] = r"M = T \, (y, -x, 0)"
     depends_on: ClassVar[tuple[str, ...]] = ()
