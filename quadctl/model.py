@@ -218,6 +218,11 @@ class Model:
         return tuple(e for e in self.acting if e.acts_by("torque"))
 
     @cached_property
+    def needs_thrust_rate(self) -> bool:
+        """True where an effect depends on how the thrust of each rotor changes."""
+        return any(e.needs_thrust_rate for e in self.effects)
+
+    @cached_property
     def effects_on_air(self) -> tuple[Effect, ...]:
         return tuple(e for e in self.effects if e.acts_by("wind_ned_m_s"))
 
@@ -247,12 +252,21 @@ def conditions(
     position_ne_m: tuple[Number, Number] = (0.0, 0.0),
     place: Place | None = None,
     rates_rad_s: Vector = (0.0, 0.0, 0.0),
+    thrust_rate_n_s: Sequence[Number] = (),
 ) -> Conditions:
     """Conditions of a vehicle whose logged position is `z_up_m` above the ground; `place` maps its surfaces."""
     height_m = z_up_m + vehicle.rotor_height_m
     surfaces = place.shares(position_ne_m) if place is not None else ()
     return Conditions(
-        height_m, velocity_body_m_s, attitude, time_s, battery_v, position_ne_m, surfaces, rates_rad_s=rates_rad_s
+        height_m,
+        velocity_body_m_s,
+        attitude,
+        time_s,
+        battery_v,
+        position_ne_m,
+        surfaces,
+        rates_rad_s=rates_rad_s,
+        thrust_rate_n_s=thrust_rate_n_s,
     )
 
 

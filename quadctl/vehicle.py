@@ -28,6 +28,8 @@ class Rotor(Settings):
     thrust_n_per_rpm2: PositiveFloat
     torque_to_thrust_m: NonNegativeFloat = 0.016
     time_constant_s: float = Field(default=0.04, ge=0.0, lt=2.0)
+    delay_s: float = Field(default=0.0, ge=0.0, lt=0.5)
+    """Time from a command until the rotors begin to follow it, before the lag."""
 
 
 class RotorPlace(Settings):
@@ -172,10 +174,19 @@ class Vehicle(Settings):
         is against its thrust axis.
         """
         arms = []
-        for rotor in self.rotors:
+        for rotor, (dx, dy, dz) in zip(self.rotors, self.drag_arms_m, strict=True):
             (px, py, pz), (ax, ay, az) = rotor.position_m, rotor.axis
+            arms.append((py * az - pz * ay + dx, pz * ax - px * az + dy, px * ay - py * ax + dz))
+        return tuple(arms)
+
+    @cached_property
+    def drag_arms_m(self) -> tuple[Triple, ...]:
+        """Drag torque per thrust of each rotor, FRD, N m/N."""
+        arms = []
+        for rotor in self.rotors:
+            ax, ay, az = rotor.axis
             drag = -self.rotor.torque_to_thrust_m if rotor.spin == "ccw" else self.rotor.torque_to_thrust_m
-            arms.append((py * az - pz * ay + drag * ax, pz * ax - px * az + drag * ay, px * ay - py * ax + drag * az))
+            arms.append((drag * ax, drag * ay, drag * az))
         return tuple(arms)
 
     @cached_property

@@ -50,6 +50,8 @@ class Conditions:
     """Number of the flight among those that are analysed together, from 1; 0 where there is but one."""
     rates_rad_s: Vector = (0.0, 0.0, 0.0)
     """Body rates, FRD; zero where they are not known."""
+    thrust_rate_n_s: Sequence[Number] = ()
+    """Rate of change of the nominal thrust of each rotor; none where it is not known."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -154,6 +156,8 @@ class Physics:
     that changes the thrust of the rotors unequally; what has a `torque` has it by itself."""
     adds_lag: ClassVar[bool] = False
     """True: it delays the thrust, so that the delay of the log must be estimated together with it."""
+    needs_thrust_rate: ClassVar[bool] = False
+    """True: it depends on `Conditions.thrust_rate_n_s`, which is computed for such effects only."""
     stands_back_for: ClassVar[tuple[str, ...]] = ()
     """Families that model a part of it better: in a stack with one of them, `standing_back` takes its place."""
     not_for_flight: ClassVar[str] = ""

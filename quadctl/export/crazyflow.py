@@ -10,8 +10,10 @@ from typing import NamedTuple
 from quadctl.effects.inflow import AxialInflow
 from quadctl.effects.motor_lag import FirstOrderLag
 from quadctl.effects.rotor_drag import LinearDrag
+from quadctl.effects.rotor_reaction import InertialReaction
 from quadctl.effects.thrust_scale import ConstantScale
 from quadctl.errors import SettingsError
+from quadctl.export.centred import centred
 from quadctl.export.equations import commands_left_out
 from quadctl.export.left_out import Kind
 from quadctl.frames import GRAVITY_M_S2
@@ -39,9 +41,10 @@ def parameters(model: Model) -> Parameters:
     SettingsError
         The target cannot hold the vehicle: it has other than four rotors, or tilted ones.
     """
+    model = centred(model)
     vehicle = model.vehicle
     _require_rotors(vehicle)
-    scale, drag_kg_s = 1.0, [0.0, 0.0, 0.0]
+    scale, drag_kg_s, rotor_inertia = 1.0, [0.0, 0.0, 0.0], 0.0
     lag_s, left_out = vehicle.rotor.time_constant_s, commands_left_out(model, "crazyflow")
     for effect in model.effects:
         if isinstance(effect, ConstantScale):
@@ -53,6 +56,8 @@ def parameters(model: Model) -> Parameters:
             drag_kg_s[2] += effect.k * vehicle.weight_n / vehicle.hover_induced_velocity_m_s
             form = {"model": "proportional to the thrust", "target": "constant in crazyflow", "equal": "equal"}
             left_out.append(fact(Kind.OTHER_FORM, effect=effect.name, **form))
+        elif isinstance(effect, InertialReaction):
+            rotor_inertia = effect.rotor_inertia_kg_m2(vehicle)
         elif isinstance(effect, FirstOrderLag):
             lag_s += effect.time_constant_s
             lag = "one of their sum in crazyflow, of speed, not of thrust"
@@ -66,7 +71,7 @@ def parameters(model: Model) -> Parameters:
     values: dict[str, object] = {
         "mass": vehicle.mass_kg,
         "L": arm_m,
-        "prop_inertia": 0.0,
+        "prop_inertia": rotor_inertia,
         "gravity_vec": [0.0, 0.0, -GRAVITY_M_S2],
         "J": _diagonal(inertia),
         "J_inv": _diagonal([1.0 / moment for moment in inertia]),

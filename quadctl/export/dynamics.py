@@ -113,8 +113,10 @@ def _commanded(
         rates += _lag(following, thrust, stages.rotors.time_constant_s)
         thrust = following
     if stages.late is None:
+        here = replace(here, thrust_rate_n_s=rates)
         return [*_motion(model, stages, x, thrust, here), *rates]
     rates += _lag(rotors, stages.before.rotor_thrust(thrust, here), stages.late.time_constant_s)
+    here = replace(here, thrust_rate_n_s=rates[-n:])
     return [*_moved(model, x, stages.after.rotor_thrust(rotors, here), here), *rates]
 
 

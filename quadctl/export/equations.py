@@ -98,11 +98,12 @@ def parameters(model: Model) -> tuple[str, ...]:
 
 
 def command_delay_s(model: Model) -> tuple[float, float, float] | None:
-    """Delay of the thrust after its command, s, with its interval, as the flights of the fit have shown it last; None
-    where they have not, or not above 0."""
+    """Delay of the thrust after its command, s, with its interval, as the flights of the fit have shown it last, else
+    that of the vehicle file; None where there is none above 0."""
     told = [item.fitted.command_delay_s for item in model.stack if item.fitted is not None]
-    known = [delay for delay in told if delay is not None]
-    return known[-1] if known and known[-1][0] > 0.0 else None
+    of_file = model.vehicle.rotor.delay_s
+    known = [(of_file, of_file, of_file), *(delay for delay in told if delay is not None)]
+    return known[-1] if known[-1][0] > 0.0 else None
 
 
 def delay_left_out(model: Model) -> list[Fact]:
@@ -123,6 +124,8 @@ def left_out(model: Model, stages: Actuation) -> tuple[Fact, ...]:
     """Parts of a model that its equations do not hold, each with the reason."""
     found = [*stages.left_out, *delay_left_out(model)]
     for effect in model.effects:
+        if effect.needs_thrust_rate:
+            found.append(fact(Kind.THRUST_RATE if stages.stages else Kind.NO_LAG, effect=effect.name))
         if effect.acts_by("sensed_m_s2"):
             found.append(fact(Kind.SENSED, effect=effect.name))
         flight = effect.values().get("flight", 0.0)

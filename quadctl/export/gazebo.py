@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from quadctl.effects.motor_lag import FirstOrderLag
 from quadctl.effects.rotor_drag import LinearDrag
 from quadctl.effects.thrust_scale import ConstantScale
+from quadctl.export.centred import centred
 from quadctl.export.equations import commands_left_out
 from quadctl.export.left_out import Kind
 from quadctl.model import Model
@@ -36,6 +37,7 @@ class _Base(NamedTuple):
 
 def gazebo_sdf(model: Model) -> tuple[str, tuple[Fact, ...]]:
     """Text of an SDF model, and what it leaves out of the model."""
+    model = centred(model)
     vehicle = model.vehicle
     scale = math.prod(effect.factor for effect in model.effects if isinstance(effect, ConstantScale))
     k_eta = scale * vehicle.rotor.thrust_n_per_rpm2 / _RAD_S_PER_RPM**2

@@ -23,6 +23,8 @@ class Kind(Kinds):
     SENSED = "{effect}: an error of the accelerometer, which moves nothing"
     LATER_FLIGHT = "{effect}: it begins in flight {flight:g}, and these equations are of no flight"
     OF_FLIGHTS = "{effect}: its values of flight {flights:list}: those of all other flights are taken"
+    THRUST_RATE = "{effect}: in x_dot, whose thrust does not change; x_dot_commanded holds it"
+    NO_LAG = "{effect}: without a rotor lag in the vehicle file the thrust has no rate of change"
     # --- forces of another form ---
     OTHER_FORM = "{effect}: {model} in the model, {target}; {equal} in hover"
     DIFFERENCE = "{effect}: {values} differ: {mean}"

@@ -44,9 +44,10 @@ VELOCITY = _Argument("velocity", ("u", "v", "w"), "forward, right, down")
 ATTITUDE = _Argument("attitude", ("q_w", "q_x", "q_y", "q_z"))
 POSITION = _Argument("position", ("north_m", "east_m"))
 RATES = _Argument("rates", ("p", "q", "r"), "about forward, right, down, rad/s")
+THRUST_RATE = _Argument("thrust_rate")
 ARGUMENTS = (
     *(_Argument("thrust_n"), _Argument("total_n"), _Argument("height_m"), VELOCITY, ATTITUDE),
-    *(_Argument("time_s"), _Argument("battery_v"), POSITION, RATES),
+    *(_Argument("time_s"), _Argument("battery_v"), POSITION, RATES, THRUST_RATE),
 )
 """Arguments in the order in which they stand."""
 _RESERVED = {"np", "known_or", "vector", "to_body", "to_world"}
@@ -116,6 +117,7 @@ class _File:
         """Constants of the vehicle that the effects use."""
         self._stages: Actuation = actuation(model)
         self._names = parameters(model)
+        self._reacts = model.needs_thrust_rate
 
     def text(self) -> str:
         effects, blocks = self._effects()
@@ -163,6 +165,7 @@ class _File:
             position_ne_m=(Symbol("north_m"), Symbol("east_m")),
             surfaces=tuple((name.removeprefix(SHARE), Symbol(name)) for name in shares),
             rates_rad_s=(Symbol("p"), Symbol("q"), Symbol("r")),
+            thrust_rate_n_s=[Symbol(f"thrust_rate[{i}]") for i in range(self._vehicle.n_rotors)],
         )
         vehicle = Renamed(self._vehicle, "", self._used)
         names = Names()
@@ -248,6 +251,7 @@ class _File:
                 "        time_s=p[1],",
                 "        position=x[0:2],",
                 "        rates=x[10:13],",
+                *(["        thrust_rate=np.zeros(N_ROTORS),  # N/s; x_dot_commanded knows it"] if self._reacts else []),
                 *shares,
                 "    )",
                 *(
@@ -334,6 +338,8 @@ class _File:
             lines.append(f"late_n = x[{at}:{at + n}]")
             rates.append(f"(early_thrust({thrust}, here) - late_n) / {stages.late.constant}")
         moved = "late_thrust(late_n, here)" if stages.late is not None else f"rotor_thrust({thrust}, here)"
+        if self._reacts and rates:
+            lines.append(f"here.thrust_rate = {rates[-1]}")
         result = f"motion(x, {moved}, here)"
         parts = [f"        *{result},", *(f"        *({rate})," for rate in rates)]
         returned = "\n".join(["    return vector(", *parts, "    )"]) if rates else f"    return {result}"
@@ -473,16 +479,20 @@ def _parted(arguments: str) -> list[str]:
     return [part.strip() for part in parts]
 
 
+_WHOLE: Any = {"break_long_words": False, "break_on_hyphens": False}
+"""Options of a wrap that leaves terms whole."""
+
+
 def _short(line: str) -> str:
     """The line; where it is long, its expression in brackets, broken at blanks."""
     if len(line) <= WIDTH:
         return line
     if line.startswith("return vector("):
-        return "\n".join(
-            ["return vector(", *(f"    {part}," for part in _parted(line[len("return vector(") : -1])), ")"]
-        )
+        parts = [f"{part}," for part in _parted(line[len("return vector(") : -1])]
+        lines = [text for part in parts for text in textwrap.wrap(part, WIDTH - 8, subsequent_indent="    ", **_WHOLE)]
+        return "\n".join(["return vector(", *(f"    {text}" for text in lines), ")"])
     begin = "return " if line.startswith("return ") else line[: line.index(" = ") + 3]
-    wrapped = textwrap.wrap(line[len(begin) :], WIDTH - 4, break_long_words=False, break_on_hyphens=False)
+    wrapped = textwrap.wrap(line[len(begin) :], WIDTH - 4, **_WHOLE)
     return "\n".join([f"{begin}(", *(f"    {part}" for part in wrapped), ")"])
 
 

@@ -16,6 +16,7 @@ from quadctl.effects.rotor_drag import LinearDrag
 from quadctl.effects.thrust_scale import ConstantScale
 from quadctl.effects.translational_lift import HorizontalLift
 from quadctl.errors import SettingsError
+from quadctl.export.centred import centred
 from quadctl.export.equations import commands_left_out
 from quadctl.export.left_out import Kind
 from quadctl.frames import GRAVITY_M_S2
@@ -46,6 +47,7 @@ def parameters(model: Model) -> Parameters:
     SettingsError
         RotorPy cannot hold the vehicle: it has other than four rotors, or tilted ones.
     """
+    model = centred(model)
     vehicle = model.vehicle
     _require_rotors(vehicle)
     scale = math.prod(effect.factor for effect in model.effects if isinstance(effect, ConstantScale))

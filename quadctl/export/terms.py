@@ -230,6 +230,11 @@ class Renamed:
         if isinstance(value, float):
             self._used[full] = value
             return Named(value, full)
+        if isinstance(value, tuple) and value and isinstance(value[0], tuple):
+            self._used[full] = [list(row) for row in value]
+            return tuple(
+                tuple(Named(part, f"{full}[{i}, {j}]") for j, part in enumerate(row)) for i, row in enumerate(value)
+            )
         if isinstance(value, tuple) and value and not isinstance(value[0], float):
             return tuple(_Item(value, i, f"{full}_", self._used) for i in range(len(value)))
         if isinstance(value, tuple) and value:

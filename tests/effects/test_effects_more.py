@@ -17,6 +17,7 @@ from quadctl.compensator import Compensator, CompensatorLimits, Unphysical, chec
 from quadctl.effects import CATALOG, Conditions, Effect, ThrustRatio, find_effect
 from quadctl.effects.body_drag import QuadraticDrag
 from quadctl.effects.ceiling_effect import MomentumCeiling
+from quadctl.effects.centre_of_mass import FixedOffset
 from quadctl.effects.ground_effect import (
     Cheeseman,
     CheesemanForward,
@@ -30,6 +31,7 @@ from quadctl.effects.ground_effect import (
 from quadctl.effects.ground_effect_hexarotor import Hexarotor, HexarotorTilted
 from quadctl.effects.ground_effect_surfaces import Surfaces
 from quadctl.effects.rate_damping import ProportionalDamping
+from quadctl.effects.rotor_reaction import InertialReaction
 from quadctl.effects.tether import HangingTether
 from quadctl.effects.thrust_scale import ConstantScale
 from quadctl.errors import SettingsError
@@ -298,6 +300,8 @@ def test_what_the_lab_never_proposes() -> None:
         Nobahari,
         Kan,
         ProportionalDamping,
+        InertialReaction,
+        FixedOffset,
     }
 
 

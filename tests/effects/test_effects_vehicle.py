@@ -28,6 +28,7 @@ from quadctl.effects.rate_damping import ProportionalDamping
 from quadctl.effects.rotor_drag import LinearDrag
 from quadctl.effects.rotor_fault import FailingRotor, WeakRotor
 from quadctl.effects.rotor_interaction import FrontWake
+from quadctl.effects.rotor_reaction import InertialReaction
 from quadctl.effects.tether import HangingTether
 from quadctl.effects.thrust_curve import PowerCurve
 from quadctl.effects.thrust_map import LineMap
@@ -475,6 +476,32 @@ def test_the_simulated_body_stops_turning_by_it(raptor: Vehicle) -> None:
     for _ in range(200):
         body.step([0.0] * 4, armed=False)
     assert body.rates[2] == pytest.approx(1.0976, rel=2e-3)
+
+
+def test_a_rotor_that_spins_up_turns_the_body_against_its_spin(raptor: Vehicle) -> None:
+    """0.08 s x 0.016 m x (2 + 1 - 0.5 + 3) N/s: motors 1 and 2 turn ccw and gain thrust."""
+    changing = dataclasses.replace(at(), thrust_rate_n_s=(2.0, 1.0, 0.5, -3.0))
+    assert InertialReaction(0.08).torque([HOVER_N] * 4, changing, raptor) == pytest.approx((0.0, 0.0, 0.00704))
+    assert InertialReaction(0.08).torque([HOVER_N] * 4, at(), raptor) == (0.0, 0.0, 0.0)
+
+
+def test_the_simulated_body_keeps_its_angular_momentum_with_that_of_its_rotors(raptor: Vehicle) -> None:
+    """What it turns faster by than without the rotors' inertia is lead x c x change of the thrusts over its own."""
+
+    def flown(lead_s: float) -> SimulatedBody:
+        body = SimulatedBody(Model(raptor).plus(InertialReaction(lead_s)))
+        body.position = (0.0, 0.0, -50.0)
+        for _ in range(30):
+            body.step([0.6, 0.6, 0.3, 0.3], armed=True)
+        return body
+
+    heavy, light = flown(0.09), flown(0.0)
+    k, c = raptor.rotor.thrust_n_per_rpm2, raptor.rotor.torque_to_thrust_m
+    thrust = [k * rpm * rpm for rpm in heavy.rpm]
+    gained = 0.09 * c * (thrust[0] + thrust[1] - thrust[2] - thrust[3])
+    assert gained > 0.0
+    more = heavy.rates[2] - light.rates[2]
+    assert more == pytest.approx(gained / raptor.principal_inertia_kg_m2[2], rel=1e-6)
 
 
 def test_a_wake_takes_no_more_than_nine_tenths(raptor: Vehicle) -> None:

@@ -12,6 +12,7 @@ from quadctl.effects.ground_effect import Exponential
 from quadctl.effects.inflow import AxialInflow
 from quadctl.effects.motor_lag import FirstOrderLag
 from quadctl.effects.rotor_drag import LinearDrag
+from quadctl.effects.rotor_reaction import InertialReaction
 from quadctl.effects.thrust_scale import ConstantScale
 from quadctl.export.crazyflow import crazyflow_code
 from quadctl.frames import rotate_inverse
@@ -89,6 +90,21 @@ def test_the_speeds_of_the_rotors_follow_their_commands_with_the_lag_of_the_vehi
     level, still = np.array([0.0, 0.0, 0.0, 1.0]), np.zeros(3)
     *_, found = dynamics(still, level, still, still, commands, speeds, **parameters)
     assert found == pytest.approx((commands - speeds) / (raptor.rotor.time_constant_s + 0.03))
+
+
+def test_a_rotor_that_spins_up_turns_the_vehicle_as_in_the_model(raptor: Vehicle, dynamics: Callable[..., Any]) -> None:
+    """In hover, where the rotor's inertia and its lead are the same."""
+    model = Model(raptor).plus(InertialReaction(0.06))
+    each, k = raptor.weight_n / 4.0, raptor.rotor.thrust_n_per_rpm2
+    speeds = np.full(4, np.sqrt(each / k))
+    commands = speeds + np.array([400.0, 100.0, -300.0, 50.0])
+    rates = 2.0 * k * speeds * (commands - speeds) / raptor.rotor.time_constant_s
+    level, still = np.array([0.0, 0.0, 0.0, 1.0]), np.zeros(3)
+    found = dynamics(still, level, still, still, commands, speeds, **parameters_of(model))[3]
+    c = conditions(raptor, 10.0, (0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0), thrust_rate_n_s=tuple(rates))
+    expected = np.array(model.body_torque([each] * 4, c)) / raptor.principal_inertia_kg_m2
+    assert abs(expected[2]) > 1.0
+    assert FLIP * found == pytest.approx(expected, rel=1e-6)
 
 
 def test_a_held_out_flight_is_predicted_at_most_a_tenth_worse(held_out: HeldOut, dynamics: Callable[..., Any]) -> None:

@@ -112,7 +112,7 @@ def drawn_parameters(model: Model, random: np.random.Generator) -> Floats:
     return np.array([random.uniform(9.0, 17.0), random.uniform(0.0, 200.0), *random.uniform(0.0, 0.5, len(surfaces))])
 
 
-def conditions(model: Model, x: Floats, p: Floats) -> Conditions:
+def conditions(model: Model, x: Floats, p: Floats, thrust_rate_n_s: Floats | None = None) -> Conditions:
     q = (x[6], x[7], x[8], x[9])
     named = [name for e in model.effects if isinstance(e, Surfaces) for name in e.surfaces]
     return Conditions(
@@ -124,12 +124,13 @@ def conditions(model: Model, x: Floats, p: Floats) -> Conditions:
         position_ne_m=(x[0], x[1]),
         surfaces=tuple(zip(named, p[2:], strict=True)),
         rates_rad_s=(x[10], x[11], x[12]),
+        thrust_rate_n_s=() if thrust_rate_n_s is None else tuple(thrust_rate_n_s),
     )
 
 
-def derivative(model: Model, x: Floats, nominal_n: Floats, p: Floats) -> Floats:
+def derivative(model: Model, x: Floats, nominal_n: Floats, p: Floats, thrust_rate_n_s: Floats | None = None) -> Floats:
     """Derivatives of position, velocity and body rates by the model's own prediction."""
-    c, inertia = conditions(model, x, p), np.array(model.vehicle.principal_inertia_kg_m2)
+    c, inertia = conditions(model, x, p, thrust_rate_n_s), np.array(model.vehicle.principal_inertia_kg_m2)
     turning = np.array(model.body_torque(list(nominal_n), c)) - np.cross(x[10:13], inertia * x[10:13])
     return np.array([*x[3:6], *model.acceleration_ned(list(nominal_n), c), *turning / inertia])
 
@@ -180,7 +181,7 @@ def test_every_effect_acts_on_the_rotors_that_follow_commands(
         if len(late_n):
             follow.append((rotors_n - late_n) / model.effects[0].values()["time_constant_s"])
         thrust_n = late_n if len(late_n) else rotors_n
-        assert found[MOVES] == pytest.approx(derivative(model, x, thrust_n, p), rel=1e-9, abs=1e-9)
+        assert found[MOVES] == pytest.approx(derivative(model, x, thrust_n, p, follow[-1]), rel=1e-9, abs=1e-9)
         assert found[len(STATE) :] == pytest.approx(np.concatenate(follow), rel=1e-9, abs=1e-9)
 
 

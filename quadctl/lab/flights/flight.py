@@ -437,6 +437,7 @@ def _conditions_at(c: Conditions, columns: NDArray[np.int64] | slice) -> Conditi
         position_ne_m=(_at(c.position_ne_m[0], columns), _at(c.position_ne_m[1], columns)),
         surfaces=tuple((name, _at(share, columns)) for name, share in c.surfaces),
         rates_rad_s=(_at(p, columns), _at(q, columns), _at(r, columns)),
+        thrust_rate_n_s=tuple(_at(rate, columns) for rate in c.thrust_rate_n_s),
     )
 
 

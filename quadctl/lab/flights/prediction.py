@@ -5,6 +5,7 @@ rotors are logged; and the error of the accelerometer, where there is one. One f
 """
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from functools import wraps
 from weakref import WeakKeyDictionary
 
@@ -95,6 +96,10 @@ def predict_torque(model: Model, flight: Flight) -> Floats:
 
 @_kept
 def _predict_turning(turning: Model, flight: Flight) -> Floats:
+    if turning.needs_thrust_rate:
+        step_s = float(flight.grid_s[1] - flight.grid_s[0])
+        rates = tuple(np.gradient(thrust, step_s) for thrust in flight.nominal_n)
+        flight = replace(flight, conditions=replace(flight.conditions, thrust_rate_n_s=rates))
     return flight.slowly(_filtered(turning, flight, turning.body_torque))
 
 

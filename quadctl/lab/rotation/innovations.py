@@ -84,9 +84,11 @@ def first_order(forcing: Floats, rate_1_s: float, step_s: float) -> Floats:
     return np.asarray(lfilter([step_s * late, step_s * (mean - late)], [1.0, -decay], forcing, axis=-1))
 
 
-def held_response(command: Floats, rate_1_s: float, lag_s: float, step_s: float, ahead_s: float = 0.0) -> Floats:
-    """Solution of x' = -rate x + y, lag y' = command - y from x = 0 and y at rest, shape (n,), `ahead_s` after each
-    sample: exact where each command, shape (n,), is held over the step until its sample, and on."""
+def held_response(
+    command: Floats, rate_1_s: float, lag_s: float, step_s: float, ahead_s: float = 0.0, lead_s: float = 0.0
+) -> Floats:
+    """Solution of x' = -rate x + y + lead y', lag y' = command - y from x = 0 and y at rest, shape (n,), `ahead_s`
+    after each sample: exact where each command, shape (n,), is held over the step until its sample, and on."""
     own = command - command[0]
 
     def followed(decay_1_s: float) -> Floats:
@@ -95,11 +97,15 @@ def held_response(command: Floats, rate_1_s: float, lag_s: float, step_s: float,
 
     steady = first_order(np.full(len(command), command[0]), rate_1_s, step_s)
     if lag_s < 0.01 * step_s:
-        return followed(rate_1_s) + steady
-    # Partial fractions of 1 / ((s + rate) (1 + lag s)); they part where both poles are the same.
-    pole = 1.0 / lag_s
-    rate_1_s = rate_1_s if abs(rate_1_s / pole - 1.0) > 1e-4 else rate_1_s * 1.0002
-    return (followed(rate_1_s) - followed(pole)) / (1.0 - rate_1_s * lag_s) + steady
+        x, y = followed(rate_1_s), own
+    else:
+        # Partial fractions of 1 / ((s + rate) (1 + lag s)); they part where both poles are the same.
+        pole = 1.0 / lag_s
+        rate_1_s = rate_1_s if abs(rate_1_s / pole - 1.0) > 1e-4 else rate_1_s * 1.0002
+        late = followed(pole)
+        x, y = (followed(rate_1_s) - late) / (1.0 - rate_1_s * lag_s), pole * late
+    # Of y' the answer is y - rate x.
+    return (1.0 - lead_s * rate_1_s) * x + lead_s * y + steady
 
 
 def _held(decay_1_s: float, time_s: float) -> float:

@@ -6,7 +6,9 @@ from pydantic import ValidationError
 
 from quadctl.effects import Effect
 from quadctl.effects.airspeed_moment import IsotropicMoment
+from quadctl.effects.centre_of_mass import FixedOffset
 from quadctl.effects.rate_damping import ProportionalDamping
+from quadctl.effects.rotor_reaction import InertialReaction
 from quadctl.errors import SettingsError
 from quadctl.lab.rotation.innovations import Value
 from quadctl.lab.rotation.parameters import AXES, Rotation, together
@@ -17,16 +19,18 @@ from quadctl.vehicle import Vehicle
 def with_rotation(model: Model, found: Rotation) -> Model:
     """The model with all that the flights identify of its rotation; the rest stays.
 
-    Inertia and, where commands were logged, the rotors' lag are numbers of the vehicle, which the new file holds
-    itself; `rate_damping` and `airspeed_moment` are effects, and take the place of those in the model, as far as their
-    intervals leave out 0. The moment by airspeed has one coefficient for roll and pitch, weighted by their intervals.
+    Inertia and, where commands were logged, lag and delay of the rotors are numbers of the vehicle, which the new file
+    holds itself; `rate_damping`, `airspeed_moment`, `rotor_reaction` and `centre_of_mass` are effects, and take the
+    place of those in the model, as far as their intervals leave out 0. The moment by airspeed has one coefficient for
+    roll and pitch, weighted by their intervals.
 
     Raises
     ------
     SettingsError
         Nothing is identified, or no body has such an inertia.
     """
-    effects = [effect for effect in (_damping(found), _airspeed(found, model.vehicle)) if effect is not None]
+    fitted = (_damping(found), _airspeed(found, model.vehicle), _reaction(found), _centre(found))
+    effects = [effect for effect in fitted if effect is not None]
     vehicle = _vehicle(model.vehicle, found)
     if not effects and vehicle == model.vehicle:
         raise SettingsError(
@@ -34,8 +38,10 @@ def with_rotation(model: Model, found: Rotation) -> Model:
         )
     families = {effect.family() for effect, _ in effects}
     kept = replace(model, stack=tuple(item for item in model.stack if item.effect.family() not in families))
+    told = None if found.measured else found.delay
+    delay_s = None if told is None else (told.value, told.low, told.high)
     for effect, ci95 in effects:
-        kept = kept.plus(effect, Provenance(logs=found.names, ci95=ci95))
+        kept = kept.plus(effect, Provenance(logs=found.names, ci95=ci95, command_delay_s=delay_s))
     return replace(kept, vehicle=vehicle, vehicle_path=None)
 
 
@@ -47,6 +53,7 @@ def _vehicle(vehicle: Vehicle, found: Rotation) -> Vehicle:
         written["inertia_kg_m2"] = tuple(inertia.values())
     if found.lag is not None and not found.measured:
         written["rotor"]["time_constant_s"] = found.lag.value
+        written["rotor"]["delay_s"] = 0.0 if found.delay is None else found.delay.value
     try:
         return Vehicle.model_validate(written)
     except ValidationError as error:
@@ -83,3 +90,18 @@ def _airspeed(found: Rotation, vehicle: Vehicle) -> Fitted | None:
         return None
     k = together(one)
     return None if k.low <= 0.0 <= k.high else (IsotropicMoment(k.value), {"k": (k.low, k.high)})
+
+
+def _reaction(found: Rotation) -> Fitted | None:
+    lead = found.told("yaw").get("lead_s")
+    if lead is None or lead.low <= 0.0:
+        return None
+    return InertialReaction(lead.value), {"lead_s": (lead.low, lead.high)}
+
+
+def _centre(found: Rotation) -> Fitted | None:
+    told = {f"{name}_mm": value for name, value in found.centre_m.items() if not value.low <= 0.0 <= value.high}
+    if not told:
+        return None
+    offset = FixedOffset(**{name: 1e3 * value.value for name, value in told.items()})
+    return offset, {name: (1e3 * value.low, 1e3 * value.high) for name, value in told.items()}

@@ -9,7 +9,7 @@ where e = dln T / dln x is the elasticity of the thrust, T = k1 x + k2 x^2. The 
 accelerometer e.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
@@ -42,6 +42,7 @@ GUST_TURNS_S, GUST_PUSHES_S = 0.4, 0.12
 """Time until a gust shows in the gyro, and in the accelerometer, above their noise. A gust moves the vehicle before: by
 the velocity of this instant it would pass for a weaker moment and a weaker drag."""
 LEAST_LAG_S, MOST_LAG_S = 1e-3, 0.5
+MOST_LEAD_S = 2.0
 KNOWN_LAG_S = 0.2
 """Bound of a lag that may be none, below which it is told."""
 MOST_UNKNOWN = 0.25
@@ -59,6 +60,8 @@ SETTLED_S = 1.5
 """Time until the filter's start is forgotten."""
 LOW_NOISE, HIGH_NOISE = np.array([-5.0, -1.5, -7.0, -9.0]), np.array([-1.5, 3.0, 3.0, 5.0])
 """Bounds of the noise's logarithms: the quick disturbance is quicker than the slow one."""
+LOW_QUICK = -8.0
+"""That of the quick one in yaw: the rotors' inertia hands on at once what their speed scatters by."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,12 +74,13 @@ class _Axis:
     record: Record
 
     def regression(
-        self, damping: float, lag_s: float, delay_s: float, shared: Floats, noise: SteadyFilter
+        self, damping: float, acts: tuple[float, float, float], shared: Floats, noise: SteadyFilter
     ) -> Regression:
-        step_s = self.record.step_s
+        """Regression with lag, delay and lead of the moment, `acts`."""
+        step_s, (lag_s, delay_s, lead_s) = self.record.step_s, acts
         held_s = delay_s - step_s / 2.0
         command = self.difference.before(step_s + max(held_s, 0.0))
-        turned = held_response(command, damping, lag_s, step_s, max(-held_s, 0.0))
+        turned = held_response(command, damping, lag_s, step_s, max(-held_s, 0.0), lead_s)
         forces = [*([] if self.airspeed is None else [self.airspeed]), np.ones(len(self.rate))]
         moved = np.vstack([turned, first_order(np.array(forces), damping, step_s)])
         rate = (self.rate - self.rate[0])[:: self.record.every]
@@ -97,8 +101,19 @@ def differences(command: Floats, elasticity: float, vehicle: Vehicle) -> Floats:
     return np.asarray(bent @ (arms / np.abs(arms).mean(axis=0)) / len(arms))
 
 
-def fit_axis(records: Sequence[Record], vehicle: Vehicle, axis: int, hover: float, thrust: "ThrustMap") -> Estimated:
-    """Fit the moments about a body axis; `hover` is the mean command in flight. Yaw has no moment by airspeed."""
+def fit_axis(
+    records: Sequence[Record],
+    vehicle: Vehicle,
+    axis: int,
+    hover: float,
+    thrust: "ThrustMap",
+    late: tuple[float, Value] | None = None,
+) -> Estimated:
+    """Fit the moments about a body axis; `hover` is the mean command in flight. Yaw has no moment by airspeed.
+
+    Where lag and delay of the rotors are known, `late`, the lead of the moment is fitted, by the rotors' inertia, and
+    the delay within its interval.
+    """
     by_air = axis != YAW and flown(records, 1 - axis)
     flights = [
         _Axis(
@@ -112,7 +127,8 @@ def fit_axis(records: Sequence[Record], vehicle: Vehicle, axis: int, hover: floa
 
     def regress(x: Floats) -> list[Regression]:
         noise = {s: noise_of(x[3:7]).of_rate(x[0], s) for s in {r.measured_s for r in records}}
-        return [f.regression(x[0], x[1], x[2], x[7:], noise[f.record.measured_s]) for f in flights]
+        acts = (x[1], x[2], 0.0) if late is None else (late[0], x[2], x[1])
+        return [f.regression(x[0], acts, x[7:], noise[f.record.measured_s]) for f in flights]
 
     step_s = min(r.step_s for r in records)
     names = ["damping_1_s", "lag_s", "delay_s", *NOISE_NAMES]
@@ -121,6 +137,13 @@ def fit_axis(records: Sequence[Record], vehicle: Vehicle, axis: int, hover: floa
     earliest_s = 0.0 if all(r.own_times for r in records) else step_s
     low, high = np.array([0.0, LEAST_LAG_S, earliest_s, *LOW_NOISE]), np.array([40.0, MOST_LAG_S, 0.2, *HIGH_NOISE])
     scale = np.array([1.0, 0.01, 0.01, 1.0, 1.0, 1.0, 1.0])
+    if late is not None:
+        lag_s, delay = late
+        earliest_s = max(delay.low, earliest_s)
+        latest_s = max(delay.high, earliest_s + step_s)
+        names[1], start[1], low[1], high[1] = "lead_s", max(lag_s, 0.02), 0.0, MOST_LEAD_S
+        start[2], low[2], high[2] = 0.5 * (earliest_s + latest_s), earliest_s, latest_s
+        low[3] = LOW_QUICK
     return _estimated(records, regress, names, linear, start, scale, low, high)
 
 
@@ -337,6 +360,9 @@ class Rotation:
     """Half of the 95 % interval of each rotor's share, shape (k,)."""
     level: Value | None = None
     """Output, or squared speed, of all rotors at which their thrust is the weight."""
+    centre_m: dict[str, Value] = field(default_factory=dict)
+    """Centre of mass before (`forward`) and right of (`right`) the middle of the rotors, m, with rotors that are alike
+    and no wind; empty where the thrust map is not known."""
     ratios: dict[str, float] = field(default_factory=dict)
     """Inertia over weight times arm, by the vehicle's file, times the gain: 1 for each axis."""
 
@@ -358,9 +384,11 @@ class Rotation:
         shown = {"slope": fit.values["slope"]}
         if axis in self.gain:
             shown["gain"] = self.gain[axis]
-        others = [name for name in ("damping_1_s", "airspeed") if name in fit.values and name not in fit.at_bound]
+        others = [
+            name for name in ("damping_1_s", "airspeed", "lead_s") if name in fit.values and name not in fit.at_bound
+        ]
         shown |= {name: fit.values[name] for name in others}
-        lag = self._lag(axis)
+        lag = None if "lead_s" in fit.values else self._lag(axis)
         return shown | ({} if lag is None else {"lag_s": lag})
 
     def is_told(self, axis: str) -> bool:
@@ -381,6 +409,13 @@ class Rotation:
         return known_lag(together(told), self.step_s) if told else None
 
     @cached_property
+    def delay(self) -> Value | None:
+        """Delay of the commands before that lag; None where roll and pitch do not tell the lag. What happens within a
+        step, and within a logged one, is not told."""
+        told = [self.axes[axis].values["delay_s"] for axis in AXES[:YAW] if axis in self.axes and self.is_told(axis)]
+        return known_lag(together(told), self.step_s) if told and self.lag is not None else None
+
+    @cached_property
     def inertia(self) -> dict[str, Value]:
         """Moment of inertia about each axis, kg m^2, with the mass, the arms and the torque constant of the vehicle's
         file."""
@@ -397,6 +432,7 @@ class Rotation:
             "flights": list(self.names),
             "axes": {name: {k: v.to_dict() for k, v in self.told(name).items()} for name in self.axes},
             "lag_s": None if self.lag is None else self.lag.to_dict(),
+            "delay_s": None if self.delay is None else self.delay.to_dict(),
             "inertia_kg_m2": {name: value.to_dict() for name, value in self.inertia.items()},
             "correlation_of_innovations": {name: fit.correlation for name, fit in self.axes.items()},
             "unknown_of_commands": self.unknown,
@@ -407,6 +443,7 @@ class Rotation:
             "level_hover_command": None if self.level is None else self.level.to_dict(),
             "share_of_rotors": [float(s) for s in self.share],
             "share_of_rotors_half_ci95": [float(h) for h in half],
+            "centre_of_mass_m": {name: value.to_dict() for name, value in self.centre_m.items()},
         }
 
 
@@ -449,10 +486,11 @@ def fit_rotation(records: Sequence[Record], vehicle: Vehicle) -> Rotation:
     """Estimate rotation, thrust map and drag from these flights; the map first with the lag that the gyro shows."""
     first = ThrustMap(1.0, False, None)
     rough = [fit_axis(records, vehicle, axis, hover_command(records, False), first) for axis in range(YAW)]
-    lags = [fit.values["lag_s"] for fit in rough if is_told(fit)]
-    thrust = fit_thrust_map(records, known_lag(together(lags), max(r.step_s for r in records)) if lags else None)
+    step_s = max(r.step_s for r in records)
+    thrust = fit_thrust_map(records, _lag_of(rough, step_s))
     hover = hover_command(records, thrust.by_voltage)
-    axes = {name: fit_axis(records, vehicle, i, hover, thrust) for i, name in enumerate(AXES)}
+    axes = {name: fit_axis(records, vehicle, i, hover, thrust) for i, name in enumerate(AXES[:YAW])}
+    axes[AXES[YAW]] = _fit_yaw(records, vehicle, hover, thrust, list(axes.values()))
     with_force = all(r.force is not None for r in records)
     drag = {f"d_{'xy'[i]}": fit_drag(records, i) for i in (0, 1) if with_force and flown(records, i)}
     share, half = shares(records)
@@ -466,12 +504,44 @@ def fit_rotation(records: Sequence[Record], vehicle: Vehicle) -> Rotation:
         records[0].measured,
         drag,
         share,
-        max(r.step_s for r in records),
+        step_s,
         {name: float(np.mean([r.unknown[i] for r in records])) for i, name in enumerate(AXES)},
         half,
         level_hover(records, thrust),
+        _centre(records, vehicle, hover, thrust, axes),
         {name: float(vehicle.weight_n * arms[i]) for i, name in enumerate(AXES) if arms[i] > 0.0},
     )
+
+
+def _lag_of(fits: Iterable[Estimated], step_s: float) -> Value | None:
+    """Lag of the rotors by roll and pitch; None where neither tells it."""
+    lags = [fit.values["lag_s"] for fit in fits if is_told(fit)]
+    return known_lag(together(lags), step_s) if lags else None
+
+
+def _fit_yaw(
+    records: Sequence[Record], vehicle: Vehicle, hover: float, thrust: ThrustMap, others: Sequence[Estimated]
+) -> Estimated:
+    """Moments about yaw, with lag and delay of the rotors as roll and pitch tell them.
+
+    What the lag is off by widens the intervals.
+    """
+    lag = _lag_of(others, max(r.step_s for r in records))
+    if lag is None:
+        return fit_axis(records, vehicle, YAW, hover, thrust)
+    delay = together([fit.values["delay_s"] for fit in others if is_told(fit)])
+    found, *ends = (
+        fit_axis(records, vehicle, YAW, hover, thrust, (lag_s, delay)) for lag_s in (lag.value, lag.low, lag.high)
+    )
+
+    def widened(name: str) -> Value:
+        value = found.values[name]
+        by_lag = max(abs(end.values[name].value - value.value) for end in ends)
+        half = float(np.hypot((value.high - value.low) / 2.0, by_lag))
+        return Value(value.value, value.value - half, value.value + half)
+
+    told = {name: widened(name) for name in ("lead_s", "damping_1_s", "slope")}
+    return replace(found, values=found.values | told | {"lag_s": lag})
 
 
 def shares(records: Sequence[Record]) -> tuple[Floats, Floats]:
@@ -479,6 +549,28 @@ def shares(records: Sequence[Record]) -> tuple[Floats, Floats]:
     parts = _block_means(records, [r.drive for r in records])
     of_all = parts / parts.mean(axis=1, keepdims=True)
     return of_all.mean(axis=0), _half(of_all)
+
+
+def _centre(
+    records: Sequence[Record], vehicle: Vehicle, hover: float, thrust: ThrustMap, axes: Mapping[str, Estimated]
+) -> dict[str, Value]:
+    """Centre of mass as the moments tell it that the rotors balance on the mean, beside those of the airspeed."""
+    e, arms = thrust.found, np.abs(np.array(vehicle.moment_arms_m)).mean(axis=0)
+    if e is None:
+        return {}
+    found = {}
+    for name, i, sign in (("forward", 1, 1.0), ("right", 0, -1.0)):
+        fit, signals = axes[AXES[i]], []
+        by_air = fit.values["airspeed"].value / fit.values["slope"].value if "airspeed" in fit.values else 0.0
+        for r in records:
+            split = differences(r.command(thrust.by_voltage) / hover, thrust.value, vehicle)[:, i]
+            signals.append((split if r.airspeed is None else split + by_air * r.airspeed[:, 1 - i])[:, None])
+        blocks = sign * arms[i] * _block_means(records, signals)
+        mean = float(blocks.mean()) * e.value
+        half = float(np.hypot(e.value * _half(blocks)[0], mean * (e.high - e.low) / 2.0 / e.value))
+        if is_told(fit):
+            found[name] = Value(mean, mean - half, mean + half)
+    return found
 
 
 def level_hover(records: Sequence[Record], thrust: ThrustMap) -> Value | None:

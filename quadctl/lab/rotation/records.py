@@ -308,11 +308,15 @@ class Delayed:
     signal: Floats
     step_s: float
 
-    def by(self, delay_s: float, lag_s: float) -> Floats:
-        """The signal after a delay and a first-order lag."""
+    def by(self, delay_s: float, lag_s: float, lead_s: float = 0.0) -> Floats:
+        """The signal after a delay and a first-order lag, with `lead_s` times its own rate of change."""
         rows = np.arange(len(self.signal), dtype=float)
-        late = self._spline(np.clip(rows - delay_s / self.step_s, 0.0, rows[-1]))
-        return lagged(np.asarray(late), self.step_s, max(lag_s, 0.0))
+        late = np.asarray(self._spline(np.clip(rows - delay_s / self.step_s, 0.0, rows[-1])))
+        found = lagged(late, self.step_s, max(lag_s, 0.0))
+        if lead_s == 0.0:
+            return found
+        rate = (late - found) / lag_s if lag_s > self.step_s else np.gradient(found, self.step_s)
+        return np.asarray(found + lead_s * rate)
 
     def before(self, delay_s: float) -> Floats:
         """The signal held over the step before each sample, after a delay of one step or more: no later sample is in

@@ -45,10 +45,11 @@ class Track:
 
 @dataclass(frozen=True)
 class Late:
-    """Delay and lag of the rotors behind their commands."""
+    """Delay and lag of the rotors behind their commands, and the lead of their moment by their inertia."""
 
     delay_s: float
     lag_s: float
+    lead_s: float = 0.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,7 +73,7 @@ class Commands:
 
     def driven(self, moment: Sequence[Late], thrust: Late) -> Driven:
         """The commands after delay and lag, which may differ about each axis and along the thrust."""
-        split = [d.by(late.delay_s, late.lag_s) for d, late in zip(self.differences, moment, strict=True)]
+        split = [d.by(late.delay_s, late.lag_s, late.lead_s) for d, late in zip(self.differences, moment, strict=True)]
         mean, square = (d.by(thrust.delay_s, thrust.lag_s) for d in (self.mean, self.square))
         return Driven(np.stack(split, axis=1), mean, square)
 

@@ -123,7 +123,8 @@ def physics_of(rotation: Rotation) -> Physics:
 
 def late_of(rotation: Rotation) -> tuple[tuple[Late, ...], Late]:
     """Delay and lag about each axis, and those of the thrust: the mean of roll and pitch."""
-    roll, pitch, yaw = (Late(a.values["delay_s"].value, a.values["lag_s"].value) for a in rotation.axes.values())
+    told = [{name: value.value for name, value in axis.values.items()} for axis in rotation.axes.values()]
+    roll, pitch, yaw = (Late(t["delay_s"], t["lag_s"], t.get("lead_s", 0.0)) for t in told)
     return (roll, pitch, yaw), Late((roll.delay_s + pitch.delay_s) / 2.0, (roll.lag_s + pitch.lag_s) / 2.0)
 
 

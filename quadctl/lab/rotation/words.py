@@ -16,6 +16,7 @@ ROWS = (
     ("damping_1_s", "damping of the rate", "1/s"),
     ("airspeed", "moment by airspeed", "rad/s² per m/s"),
     ("lag_s", "rotor lag", "s"),
+    ("lead_s", "lead by the rotors' inertia", "s"),
 )
 INERTIA = ("inertia", "kg m²")
 """Name and unit of the row of the moments of inertia."""
@@ -66,8 +67,15 @@ def _thrust(found: Rotation) -> list[str]:
         lines.append(
             f"The rotors' own, beyond the mean: {own}; by unequal rotors, or by a centre of mass off the middle."
         )
+    if found.centre_m:
+        off = ", ".join(
+            f"{name} {1e3 * v.value:.3g} [{1e3 * v.low:.3g}, {1e3 * v.high:.3g}] mm"
+            for name, v in found.centre_m.items()
+        )
+        lines.append(f"As a centre of mass, with rotors that are alike and no wind: {off}.")
     if found.lag is not None:
-        lines.append(f"Rotor lag by roll and pitch: {_shown(found.lag)} s.")
+        behind = "" if found.delay is None else f", behind a delay of the command of {_shown(found.delay)} s"
+        lines.append(f"Rotor lag by roll and pitch: {_shown(found.lag)} s{behind}.")
     if found.thrust.found is not None and not found.measured:
         by = "output times voltage" if found.thrust.by_voltage else kind
         lines.append(f"Thrust map: 1 % more {by} gives {_shown(found.thrust.found)} % of the weight more thrust.")

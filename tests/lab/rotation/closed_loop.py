@@ -40,6 +40,8 @@ class Truth:
 
     inertia: tuple[float, float, float] = (6.2e-3, 7.4e-3, 1.2e-2)
     lag_s: float = 0.045
+    lead_s: float = 0.07
+    """Lead of the drag torque by the rotors' inertia."""
     damping_1_s: float = 2.6
     drag_1_s: tuple[float, float] = (0.33, 0.46)
     airspeed: float = 3.5
@@ -48,6 +50,7 @@ class Truth:
     """Share of the square in the thrust map T = T_full ((1 - bend) u + bend u^2)."""
     full_n: float = 4.6
     rotor_share: tuple[float, float, float, float] = (1.03, 0.98, 1.01, 0.97)
+    wind_m_s: tuple[float, float, float] = (1.6, -0.9, 0.2)
 
     def gain(self, axis: int) -> float:
         """Angular acceleration per weight of thrust difference, rad/s^2."""
@@ -76,7 +79,7 @@ def _flown(truth: Truth, drawn: Floats, phase: Floats) -> list[Record]:  # noqa:
     waiting = [np.full((4, seeds), hover)] * (DELAY_STEPS + 1)
     integral, place_integral, gust, moment = (np.zeros((3, seeds)) for _ in range(4))
     command, measured = waiting[0], np.zeros((3, seeds))
-    wind = np.array([1.6, -0.9, 0.2])[:, None]
+    wind = np.array(truth.wind_m_s)[:, None]
     logged: list[tuple[Floats, ...]] = []
     for k in range(n):
         white = drawn[k]
@@ -93,20 +96,26 @@ def _flown(truth: Truth, drawn: Floats, phase: Floats) -> list[Record]:  # noqa:
             asked = 2.5 * error + 2.2 * (slope - velocity) + 0.4 * place_integral
             level = np.array(rotate_inverse(tuple(q), tuple(asked - np.array([[0.0], [0.0], [GRAVITY_M_S2]]))))
             tilt = np.array([level[1], -level[0], np.zeros(seeds)]) / GRAVITY_M_S2
-            turn = 7.0 * tilt - measured
+            heading = np.arctan2(2.0 * (q[0] * q[3] + q[1] * q[2]), 1.0 - 2.0 * (q[2] ** 2 + q[3] ** 2))
+            tilt[2] = 0.25 * np.sin(1.3 * t + phase[0]) + 0.12 * np.sin(4.0 * t + phase[1]) - heading
+            turn = np.array([[7.0], [7.0], [3.0]]) * tilt - measured
             integral += STEP_S * CONTROL_EVERY * turn
             moments = np.array([[0.025], [0.03], [0.1]]) * (turn + 1.5 * integral)
             command = np.clip(hover * (-level[2] / GRAVITY_M_S2) ** 0.7 + mix @ moments, 0.05, 1.0)
         waiting = [*waiting[1:], command]
         u = waiting[0] * (1.0 + 0.04 * white[9:13])
         steady = share * truth.full_n * ((1.0 - truth.bend) * u + truth.bend * u**2)
-        thrust = thrust + (1.0 - np.exp(-STEP_S / truth.lag_s)) * (steady - thrust)
+        change = (1.0 - np.exp(-STEP_S / truth.lag_s)) * (steady - thrust)
+        thrust = thrust + change
         force = np.array([-truth.drag_1_s[0] * air[0], -truth.drag_1_s[1] * air[1], -thrust.sum(0) / 0.9])
         if k % LOG_EVERY == 0:
             seen = rates + GYRO_RAD_S * white[6:9]
             noise = np.array([[0.08], [0.08], [0.2]]) * white[13:16]
             logged.append((seen, waiting[-1], force + noise + 0.05, body + 0.005 * white[16:19]))
-        torque = arms @ thrust / inertia + np.array([-truth.airspeed * air[1], truth.airspeed * air[0], 0.0 * air[0]])
+        reaction = np.diag([0.0, 0.0, 1.0]) @ arms @ change * truth.lead_s / STEP_S
+        torque = (arms @ thrust + reaction) / inertia + np.array(
+            [-truth.airspeed * air[1], truth.airspeed * air[0], 0.0 * air[0]]
+        )
         angular = torque + moment - truth.damping_1_s * rates
         angular -= np.cross(rates.T, (inertia * rates).T).T / inertia
         world = np.array(rotate(tuple(q), tuple(force)))

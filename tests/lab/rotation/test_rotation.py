@@ -10,8 +10,10 @@ import pytest
 from scipy.stats import binom
 
 from quadctl.effects.airspeed_moment import IsotropicMoment
+from quadctl.effects.centre_of_mass import FixedOffset
 from quadctl.effects.rate_damping import ProportionalDamping
 from quadctl.effects.rotor_drag import LinearDrag
+from quadctl.effects.rotor_reaction import InertialReaction
 from quadctl.errors import SettingsError
 from quadctl.frames import GRAVITY_M_S2
 from quadctl.lab.arrays import Floats
@@ -34,7 +36,7 @@ from quadctl.lab.rotation.rollout import (
     turned_by,
 )
 from quadctl.model import Model
-from tests.lab.rotation.closed_loop import VEHICLE, Truth, flights
+from tests.lab.rotation.closed_loop import DELAY_STEPS, REACTION_M, STEP_S, VEHICLE, Truth, flights
 from tests.support.commands import Result
 from tests.support.places import DATA, ROOT
 
@@ -92,6 +94,31 @@ class TestInClosedLoop:
             assert told["airspeed"].low < (-1.0, 1.0)[i] * TRUTH.airspeed < told["airspeed"].high
             assert told["gain"].high - told["gain"].low < 0.5 * TRUTH.gain(i)
 
+    def test_the_reaction_of_the_rotors_lies_in_its_interval(self, found: Rotation) -> None:
+        """And with it the gain in yaw, which would be half without it."""
+        told, true = found.told("yaw"), VEHICLE.weight_n * REACTION_M / TRUTH.inertia[2]
+        assert max(told["lead_s"].low, 0.01) < TRUTH.lead_s < told["lead_s"].high < 3.0 * TRUTH.lead_s
+        assert told["gain"].low < true < told["gain"].high < 2.0 * true
+        assert "lag_s" not in told
+
+    def test_the_delay_of_the_command_lies_in_its_interval(self, found: Rotation) -> None:
+        assert found.delay is not None
+        assert 0.0 < found.delay.low < STEP_S * DELAY_STEPS < found.delay.high < 0.05
+
+    def test_in_still_air_unequal_rotors_look_like_a_centre_of_mass(self) -> None:
+        """It is where the thrusts of the same commands have their centre, as the controller evens them out."""
+        uneven = (1.08, 0.95, 0.93, 1.04)
+        still = replace(TRUTH, rotor_share=uneven, wind_m_s=(0.0, 0.0, 0.0))
+        found = fit_rotation(flights(still, 1, 40.0), VEHICLE)
+        places = np.array([rotor.position_m[:2] for rotor in VEHICLE.rotors])
+        carried = 1.0 / np.array(uneven)
+        for axis, name in enumerate(("forward", "right")):
+            true = float(places[:, axis] @ carried / carried.sum())
+            told = found.centre_m[name]
+            assert told.low < true < told.high < told.low + 6e-3
+        offset = next(e for e in with_rotation(Model(VEHICLE), found).effects if isinstance(e, FixedOffset))
+        assert offset.forward_mm < -4.0
+
     def test_the_elasticity_of_the_thrust_lies_in_its_interval(self, records: list[Record], found: Rotation) -> None:
         bend, weights = TRUTH.bend, -np.mean([r.force[:, 2] for r in records if r.force is not None]) / GRAVITY_M_S2
         true = weights * (1.0 - bend + 2.0 * bend * found.hover) / (1.0 - bend + bend * found.hover)
@@ -141,12 +168,14 @@ class TestInClosedLoop:
         model = with_rotation(before, found)
         assert model.vehicle.principal_inertia_kg_m2[:2] == pytest.approx(TRUTH.inertia[:2], rel=0.2)
         assert model.vehicle.rotor.time_constant_s == pytest.approx(TRUTH.lag_s, rel=0.2)
-        drag, damping, moment = model.effects
+        assert model.vehicle.rotor.delay_s == pytest.approx(STEP_S * DELAY_STEPS, rel=0.5)
+        drag, damping, moment, *others = model.effects
+        assert InertialReaction in map(type, others)
         assert drag == LinearDrag(0.3, 0.3, 0.0)
         assert isinstance(damping, ProportionalDamping) and isinstance(moment, IsotropicMoment)
         assert damping.roll_1_s == pytest.approx(TRUTH.damping_1_s, rel=0.4)
         assert 2.2 < moment.k < 3.2
-        fitted = model.stack[-1].fitted
+        fitted = model.stack[2].fitted
         assert fitted is not None and fitted.logs == found.names
         assert fitted.ci95["k"][0] < moment.k < fitted.ci95["k"][1]
 
@@ -155,10 +184,15 @@ class TestInClosedLoop:
             axes = {name: replace(fit, values={**fit.values, **values}) for name, fit in found.axes.items()}
             return replace(found, axes=axes)
 
-        nothing = replaced(damping_1_s=Value(0.4, -0.1, 0.9), airspeed=Value(0.1, -0.3, 0.5))
+        none = {
+            "damping_1_s": Value(0.4, -0.1, 0.9),
+            "airspeed": Value(0.1, -0.3, 0.5),
+            "lead_s": Value(0.1, -0.1, 0.3),
+        }
+        nothing = replace(replaced(**none), centre_m={"right": Value(1e-3, -1e-3, 3e-3)})
         assert with_rotation(Model(VEHICLE), nothing).effects == ()
         with pytest.raises(SettingsError, match="nothing of the rotation is identified"):
-            with_rotation(Model(VEHICLE), replaced(slope=Value(1.0, -1.0, 3.0)))
+            with_rotation(Model(VEHICLE), replace(replaced(slope=Value(1.0, -1.0, 3.0)), centre_m={}))
 
     @pytest.mark.long
     @pytest.mark.timeout(3000)
