@@ -9,8 +9,20 @@ from numpy.typing import NDArray
 from quadctl.errors import LogError
 from quadctl.lab.arrays import Floats
 from quadctl.lab.rotation.forecast import SETTLED_S
-from quadctl.lab.rotation.regression import change, changed, fit_ridge, future_features, past_features
-from quadctl.lab.rotation.rollout import HORIZONS_S, State, errors, held, observe, roll_out, state_at
+from quadctl.lab.rotation.regression import (
+    ABOUT,
+    ALONG,
+    CHANGED,
+    Features,
+    change,
+    changed,
+    fit_ridge,
+    future_features,
+    past_features,
+    side_by_side,
+    with_motions,
+)
+from quadctl.lab.rotation.rollout import HORIZONS_S, State, errors, held, observe, roll_out, state_at, turned_back
 from quadctl.lab.rotation.unseen import STEP_S, Flown, Known, flown_of, know, late_of
 from quadctl.logs.flight_log import FlightLog
 from quadctl.vehicle import Vehicle
@@ -61,17 +73,17 @@ def judged(train: Sequence[Flight], test: Sequence[Flight], vehicle: Vehicle) ->
     found = {name: [np.zeros((len(STEPS), 4)) for _ in test] for name in MODELS}
     for h, k in enumerate(STEPS):
         windows = [rolled.windows(h) for rolled in training]
-        few, many = (windows[0].first.shape[1], windows[0].informed.shape[1])
+        few, many = (len(f.motions) for f in (windows[0].first, windows[0].informed))
         plain = fit_ridge([w.plain for w in windows], [w.change for w in windows])
         residual = fit_ridge([w.informed for w in windows], [w.change - w.guess for w in windows], (few, many))
         for i, (f, rolled, estimated) in enumerate(tested):
             w, track, rows, time_s = rolled.windows(h), f.flown.track, f.starts(TEST_EVERY), k * STEP_S
             states = {
                 "held": held(track, rows, k),
-                "ridge": changed(w.start, plain.predict(w.plain), time_s),
+                "ridge": changed(w.start, plain.predict(w.plain.values), time_s),
                 ESTIMATED: estimated[h],
                 FORECAST: rolled.ends[h],
-                CORRECTED: changed(w.start, w.guess + residual.predict(w.informed), time_s),
+                CORRECTED: changed(w.start, w.guess + residual.predict(w.informed.values), time_s),
             }
             for name, state in states.items():
                 found[name][i][h] = errors(state, track, rows + k).mean(axis=0)
@@ -93,14 +105,17 @@ class _Rolled:
         self._track, self._rows = flight.flown.track, flight.starts(every)
         commands = known.commands(self._track)
         self.ends = known.forecast.roll_out(self._track, commands, self._rows, STEPS)
-        self._slow = np.hstack([d.slow[self._rows] for d in known.forecast.seen(self._track, commands)])
+        moment, force = (d.slow[self._rows] for d in known.forecast.seen(self._track, commands))
+        force = turned_back(self._track.attitude[self._rows], force)
+        self._slow = Features(np.hstack([moment, force]), ABOUT + ALONG)
+        self._moved = with_motions(self._track, known.vehicle)
 
     def windows(self, horizon: int) -> "_Windows":
         start, steps = state_at(self._track, self._rows), STEPS[horizon]
         return _Windows(
             start,
-            future_features(self._track, self._rows, steps),
-            past_features(self._track, self._rows),
+            future_features(self._moved, self._rows, steps),
+            past_features(self._moved, self._rows),
             change(start, self.ends[horizon], steps * STEP_S),
             self._slow,
             change(start, state_at(self._track, self._rows + steps), steps * STEP_S),
@@ -112,22 +127,22 @@ class _Windows:
     """Windows of one flight and horizon, as the regressions see them."""
 
     start: State
-    future: Floats
-    past: Floats
+    future: Features
+    past: Features
     guess: Floats
-    slow: Floats
+    slow: Features
     """Slow moment and force, as the forecast reckons with them."""
     change: Floats
 
     @property
-    def plain(self) -> Floats:
-        return np.hstack([self.future, self.past])
+    def plain(self) -> Features:
+        return side_by_side([self.future, self.past])
 
     @property
-    def first(self) -> Floats:
+    def first(self) -> Features:
         """Least that a correction of the physics sees: the forecast, and the commands."""
-        return np.hstack([self.future, self.guess])
+        return side_by_side([self.future, Features(self.guess, CHANGED)])
 
     @property
-    def informed(self) -> Floats:
-        return np.hstack([self.first, self.past, self.slow])
+    def informed(self) -> Features:
+        return side_by_side([self.first, self.past, self.slow])
