@@ -38,6 +38,12 @@ class TestFitRidge:
             assert across < 0.1
             assert np.std(left) < 4.2
 
+    def test_noise_is_not_found(self) -> None:
+        random = np.random.default_rng(4)
+        x = [Features(random.normal(size=(300, 4)), COMMANDED) for _ in range(5)]
+        y = [random.normal(size=(300, len(CHANGED))) for _ in range(5)]
+        assert np.abs(fit_ridge(x, y).weights).max() < 0.15
+
     def test_its_offset_is_that_of_the_changes(self) -> None:
         x, y = flights(6, coupled=False)
         moved = [b + 7.0 for b in y]
