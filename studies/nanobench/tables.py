@@ -32,5 +32,10 @@ def horizons_table(found: dict[str, Judged], horizons_s: Sequence[float], told: 
 
 
 def times_table(found: dict[str, Judged]) -> str:
-    rows = [[name, f"{np.mean(of.fit_s):.2g}", f"{np.mean(of.window_us):.2g}"] for name, of in found.items()]
+    rows = [[name, _two_digits(np.mean(of.fit_s)), _two_digits(np.mean(of.window_us))] for name, of in found.items()]
     return table(["model", "fit, s", "window, µs"], rows)
+
+
+def _two_digits(value: float) -> str:
+    """Number to two digits; 0 below a hundredth."""
+    return f"{float(f'{value:.2g}'):g}" if value >= 0.01 else "0"
