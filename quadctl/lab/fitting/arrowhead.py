@@ -83,7 +83,7 @@ class Arrow:
         shared_free, own_free = self._parted(free)
         by_shared, alone, reduced, rhs = self._eliminated(own_free)
         shared = np.asarray(np.linalg.solve(_only(shared_free, reduced), (rhs * shared_free)[..., None])[..., 0])
-        return self._joined(shared, alone - (by_shared @ shared[..., None, :, None])[..., 0])
+        return self._joined(shared, alone - np.einsum("...fkp,...p->...fk", by_shared, shared))
 
     def _eliminated(self, own_free: Mask) -> tuple[Floats, Floats, Floats, Floats]:
         """Unknowns of the flights by the shared ones, and alone; then the equations that are left of the shared ones.
@@ -92,11 +92,10 @@ class Arrow:
         if key not in self._kept:
             right = np.concatenate([self.coupled, self.own_rhs[..., None]], axis=-1) * own_free[..., None]
             solved = np.linalg.solve(_only(own_free, self.own), right)
-            *draws, flights, k, p = self.coupled.shape
-            coupled, all_solved = (a.reshape(*draws, flights * k, -1) for a in (self.coupled, solved))
-            taken = coupled.swapaxes(-1, -2) @ all_solved
-            reduced, rhs = self.shared - taken[..., :p], self.shared_rhs - taken[..., p]
-            self._kept[key] = solved[..., :p], solved[..., p], reduced, rhs
+            by_shared, alone = solved[..., :-1], solved[..., -1]
+            reduced = self.shared - np.einsum("...fkp,...fkq->...pq", self.coupled, by_shared)
+            rhs = self.shared_rhs - np.einsum("...fkp,...fk->...p", self.coupled, alone)
+            self._kept[key] = by_shared, alone, reduced, rhs
         return self._kept[key]
 
     def within(self, low: Floats, high: Floats) -> Floats:
