@@ -14,7 +14,7 @@ from quadctl.words import Template
 
 parse = Formatter().parse
 
-WEAK = {"effect": "rotor_fault.weak", "parameters": parameters_of(WeakRotor(0.05, 3.0), {"loss": (0.04, 0.06)})}
+WEAK = parameters_of(WeakRotor(0.05, 3.0), {"loss": (0.04, 0.06)})
 
 
 def test_every_kind_has_a_template() -> None:

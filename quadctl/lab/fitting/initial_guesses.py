@@ -1,7 +1,7 @@
 """Initial guesses for the fit of one more effect: the objective has several minima, and some parameters are not
 fitted."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from functools import cached_property
 
 import numpy as np
@@ -44,12 +44,12 @@ class Unmodelled:
             self._explained[effect] = squared / max(float(np.vdot(change, change)), 1e-12)
         return self._explained[effect]
 
-    def first_order_p_value(self, start: Effect) -> float:
-        """p-value of what an effect explains to first order about `start`: by a factor on it and a change of each of
+    def first_order_p_values(self, start: Effect) -> Iterator[float]:
+        """p-values of what an effect explains to first order about `start`: by a factor on it and a change of each of
         its parameters, of the data that they are fitted to.
 
-        It is tested on what usual trims leave of the data, and on the residual as it is, since a trim that its bound
-        holds leaves more; the smaller p-value counts.
+        It is tested on the residual as it is, and on what usual trims leave of the data; a trim that its bound holds
+        leaves more. The smaller p-value counts.
         """
         model, dataset = self.model.plus(start), self._aligned
         own = free_parameters(model)[len(free_parameters(self.model)) :]
@@ -60,9 +60,9 @@ class Unmodelled:
             ]
         )
         changes = [self._change(start), *np.moveaxis(jacobian / self.scale[:, None], -1, 0)]
+        yield self._p_value_of(self.residual / self.scale, changes)
         left, *along = map(self._usual_trims.rest, ((dataset.targets - self._predicted) / self.scale, *changes))
-        beside_trims = self._p_value_of(left, along)
-        return min(beside_trims, self._p_value_of(self.residual / self.scale, changes))
+        yield self._p_value_of(left, along)
 
     def _p_value_of(self, left: Floats, changes: Sequence[Floats]) -> float:
         """p-value of the part of `left` along `changes`, shape (n, axes) each, in units of the noise."""
@@ -152,7 +152,7 @@ def is_hopeless(effect: type[Effect], left: Unmodelled) -> bool:
     """
     if effect.adds_lag:
         return False
-    return left.first_order_p_value(best_start(effect, left)) > HOPELESS
+    return all(p_value > HOPELESS for p_value in left.first_order_p_values(best_start(effect, left)))
 
 
 def best_start(effect: type[Effect], left: Unmodelled) -> Effect:

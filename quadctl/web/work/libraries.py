@@ -5,6 +5,12 @@ None of them may start a thread, which would not be there after a fork; polars d
 
 import gc
 
+import quadctl.lab.comparison.comparison
+import quadctl.lab.effect_curves
+import quadctl.lab.evidence
+import quadctl.lab.planning.suggestion
+import quadctl.lab.report.results
+import quadctl.lab.selection.diagnosis  # noqa: F401  (they are to be loaded; nothing here uses them)
 from quadctl.logs.memory import return_freed_memory
 
 return_freed_memory()
