@@ -33,4 +33,4 @@ def test_a_flight_that_never_repeats_itself_tells_a_step(moment_s: float) -> Non
 
 @pytest.mark.parametrize("moment_s", [20.0, 31.0, 40.0])
 def test_a_hover_before_a_cruise_does_not(moment_s: float) -> None:
-    assert overlap(flight(np.where(TIME_S < moment_s, 0.05, 1.0)), moment_s) < LEAST_OVERLAP
+    assert overlap(flight(np.where(moment_s > TIME_S, 0.05, 1.0)), moment_s) < LEAST_OVERLAP
