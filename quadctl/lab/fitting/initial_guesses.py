@@ -27,7 +27,7 @@ class Unmodelled:
         self.model: Model = fit.model
         self.dataset: Dataset = fit.dataset
         self.residual = fit.held_out_residual
-        self.fit = fit
+        self.unusual_moments = fit.unusual_moments
         self.scale = _trusted(noise_scale(self.residual), fit.dataset)
         self.forms = FormErrors.of(fit)
         self._explained: dict[Effect, float] = {}

@@ -423,13 +423,13 @@ def _without_superfluous(path: Path, family: str) -> Path:
 def _shows_beside(path: Path, smaller: FittedModel, effect: Effect) -> bool:
     """Tell whether an effect of the path shows in the moments beside the others, as it must: a thrust that it seemed to
     explain alone may be another one's. `smaller` is the fit without it."""
-    tried = next(c for c in reversed(path.chosen) if c.effect.name == effect.name)
+    tried = next(c for c in reversed(path.chosen) if c.family == effect.family())
     groups = path.dataset.groups
     beside = replace(
         tried,
         before=rmse(smaller.held_out_residual, groups),
         after=rmse(path.residual, groups),
-        unusual=drops_of_unusual(smaller, path.current),
+        unusual=drops_of_unusual(smaller.unusual_moments, path.current.unusual_moments),
     )
     return shows_in_moments(beside, path.rule)
 

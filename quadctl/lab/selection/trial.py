@@ -37,7 +37,7 @@ def try_effect(effect: type[Effect], left: Unmodelled, n_tried: int, rule: Rule 
         p_value=min(1.0, p_value * n_tried * independent),
         residual=after,
         worst_flight=_worst_flight(residual, after, dataset, rule),
-        unusual=drops_of_unusual(left.fit, fit),
+        unusual=drops_of_unusual(left.unusual_moments, fit.unusual_moments),
         remarks=fit.remarks(last),
         believable=unbelievable(fit.model, dataset) <= unbelievable(left.model, dataset),
         distinct=effect.name not in indistinct(fit.model, dataset)
@@ -99,13 +99,11 @@ def _is_no_delay(before: Floats, after: Floats, dataset: Dataset, rule: Rule) ->
     return most or comes_too_early(dataset.flights[0].timing)
 
 
-def drops_of_unusual(before: FittedModel, after: FittedModel) -> dict[str, float]:
-    """Relative drop of the error of each moment, with what the nuisances take of it beyond the usual; empty without
-    moments."""
-    had, left = before.unusual_moments, after.unusual_moments
-    if had is None or left is None:
+def drops_of_unusual(before: Floats | None, after: Floats | None) -> dict[str, float]:
+    """Relative drop of the error of each moment (see `FittedModel.unusual_moments`); empty without moments."""
+    if before is None or after is None:
         return {}
-    sizes = (np.sqrt(np.mean(moments**2, axis=0)) for moments in (had, left))
+    sizes = (np.sqrt(np.mean(moments**2, axis=0)) for moments in (before, after))
     return {
         axis: 1.0 - float(new) / max(float(old), LEAST_ERROR) for axis, old, new in zip(MOMENTS, *sizes, strict=True)
     }

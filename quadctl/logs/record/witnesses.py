@@ -91,7 +91,8 @@ def _pieces(log: FlightLog, drive: Floats | None, flight: Span) -> tuple[Floats,
     push = np.ones(len(grid)) if drive is None else np.interp(grid, log.time_s, np.nan_to_num(drive))
     north, east, down = rotate(attitude, (0.0, 0.0, -1.0))
     by_thrust = push * np.array([north, east, -np.asarray(down)]) * (GRAVITY_M_S2 / max(float(np.median(push)), 1e-9))
-    axes = [np.array([n, e, -np.asarray(d)]) for n, e, d in (rotate(attitude, axis) for axis in np.eye(3))]
+    body = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+    axes = [np.array([n, e, -np.asarray(d)]) for n, e, d in (rotate(attitude, axis) for axis in body)]
     return tuple(_quick(values) for values in (by_velocity, by_imu, by_thrust, *axes))
 
 
