@@ -32,7 +32,10 @@ def horizons_table(found: dict[str, Judged], horizons_s: Sequence[float], told: 
 
 
 def times_table(found: dict[str, Judged]) -> str:
-    rows = [[name, _two_digits(np.mean(of.fit_s)), _two_digits(np.mean(of.window_us))] for name, of in found.items()]
+    rows = [
+        [name, _two_digits(float(np.mean(of.fit_s))), _two_digits(float(np.mean(of.window_us)))]
+        for name, of in found.items()
+    ]
     return table(["model", "fit, s", "window, µs"], rows)
 
 
