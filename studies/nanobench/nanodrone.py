@@ -31,7 +31,7 @@ PUBLISHED = {
     "hybrid": ((0.0016, 0.0092, 0.0027, 0.0912), (0.0166, 0.0613, 0.0376, 0.488), (0.1119, 0.5556, 0.2306, 0.5979)),
     "LSTM": ((0.0079, 0.0247, 0.0066, 0.1021), (0.039, 0.1175, 0.0372, 0.4292), (0.2572, 0.7407, 0.2325, 1.2407)),
 }
-"""Errors in `QUANTITIES` of each model at the horizons: results/model_comparison.ipynb of its repository, 2026-02-16."""
+"""Errors in `QUANTITIES` of each model by horizon: results/model_comparison.ipynb of its repository, 2026-02-16."""
 
 
 def main() -> None:
