@@ -31,7 +31,7 @@ from .rollouts import (
     judged,
     together,
 )
-from .tables import errors_table, horizons_table, times_table
+from .tables import errors_table, horizons_table, means, times_table
 
 PAGE = DOCS / "benchmarks-public.md"
 FOLDS = 3
@@ -64,8 +64,8 @@ def main() -> None:
             test = [f for f, of in zip(flights, part_of, strict=True) if of == part]
             train = [f for f, of in zip(flights, part_of, strict=True) if of != part]
             parts.append(judged(train, test, vehicle, HORIZONS_S, TEST_EVERY))
-            means = {name: np.mean(of.errors, axis=0)[TOLD] for name, of in parts[-1].items()}
-            print(f"part {part + 1}:", {name: np.round(m, 3).tolist() for name, m in means.items()}, flush=True)
+            so_far = {name: np.round(m[TOLD], 3).tolist() for name, m in means(parts[-1]).items()}
+            print(f"part {part + 1}: {so_far}", flush=True)
         return together(parts)
 
     repeated, unseen = errors(lambda i, _: i % FOLDS), errors(lambda _, f: _family(f.shape))
@@ -135,7 +135,8 @@ def _page(
             errors_table(unseen, TOLD),
             wrapped(kinds).strip(),
             "## Errors at other horizons, repetitions",
-            horizons_table(repeated, HORIZONS_S, others),
+            "Position m / velocity m/s / rotation rad / rates rad/s.",
+            horizons_table({n: m[others] for n, m in means(repeated).items()}, [HORIZONS_S[i] for i in others]),
             "## What was found",
             wrapped(parameters).strip(),
             _parameters(rotation),
@@ -151,7 +152,9 @@ def _parameters(rotation: Rotation) -> str:
     rows: list[Sequence[str]] = []
     for axis in rotation.axes:
         told = rotation.told(axis)
-        rows += [(f"{axis}: {name}, {unit}", _shown(told[key])) for key, name, unit in ROWS if key in told]
+        rows += [
+            (f"{axis}: {name}, {unit}", _shown(told[key])) for key, name, unit in ROWS if key in told and key != "slope"
+        ]
     rows += [(f"drag {name}, 1/s", _shown(fit.values["drag_1_s"])) for name, fit in rotation.drag.items() if fit.white]
     if rotation.thrust.found is not None:
         rows.append(

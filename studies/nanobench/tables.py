@@ -1,9 +1,11 @@
 """Tables of rollouts of flights that no fit saw."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
+from numpy.typing import ArrayLike
 
+from quadctl.lab.arrays import Floats
 from studies.page import table
 
 from .rollouts import Judged
@@ -22,17 +24,24 @@ def errors_table(found: dict[str, Judged], horizon: int) -> str:
     return table(["model", *QUANTITIES], rows)
 
 
-def horizons_table(found: dict[str, Judged], horizons_s: Sequence[float], told: Sequence[int]) -> str:
-    """Mean of the flights at several horizons, of each model."""
-    rows = []
-    for i in told:
-        means = {name: np.mean([e[i] for e in of.errors], axis=0) for name, of in found.items()}
-        rows += [[f"{horizons_s[i]:g}", name, *(f"{m:.3g}" for m in mean)] for name, mean in means.items()]
-    return table(["after s", "model", *QUANTITIES], rows, texts=(1,))
+def means(found: dict[str, Judged]) -> dict[str, Floats]:
+    """Mean of the flights of each model, each of shape (horizons, 4)."""
+    return {name: np.mean(of.errors, axis=0) for name, of in found.items()}
+
+
+def horizons_table(of_models: Mapping[str, ArrayLike], horizons_s: Sequence[float]) -> str:
+    """Errors in `QUANTITIES` after several horizons, of shape (horizons, 4) of each model."""
+    rows = [
+        [name, *("/".join(f"{m:.3g}" for m in of) for of in np.asarray(values))] for name, values in of_models.items()
+    ]
+    return table(["model", *(f"after {horizon_s:g} s" for horizon_s in horizons_s)], rows)
 
 
 def times_table(found: dict[str, Judged]) -> str:
-    rows = [[name, _two_digits(np.mean(of.fit_s)), _two_digits(np.mean(of.window_us))] for name, of in found.items()]
+    rows = [
+        [name, _two_digits(float(np.mean(of.fit_s))), _two_digits(float(np.mean(of.window_us)))]
+        for name, of in found.items()
+    ]
     return table(["model", "fit, s", "window, µs"], rows)
 
 
