@@ -7,12 +7,12 @@ from quadctl.lab.rotation.model import with_rotation
 from quadctl.lab.rotation.parameters import Rotation, fit_rotation
 from quadctl.lab.rotation.records import records_of
 from quadctl.lab.rotation.unseen import Unseen, forecast_unseen
-from quadctl.lab.study import AnyModel, open_model
 from quadctl.logs.flight_log import FlightLog
 from quadctl.logs.read import read_imu_log
 from quadctl.logs.record.copies import without_copies
-from quadctl.model import Model
+from quadctl.model import Model, load_model
 
+AnyModel = Model | str | Path
 Logs = FlightLog | str | Path | Sequence[FlightLog | str | Path]
 
 
@@ -26,7 +26,7 @@ def identify_rotation(model: AnyModel, logs: Logs) -> Rotation:
     LogError
         A log has no gyro or no commands, or they are too slow or too short.
     """
-    vehicle = open_model(model).vehicle
+    vehicle = _opened(model).vehicle
     return fit_rotation([record for log in _read(logs) for record in records_of(log, vehicle)], vehicle)
 
 
@@ -38,7 +38,7 @@ def add_rotation(model: AnyModel, found: Rotation) -> Model:
     SettingsError
         Nothing is identified, or no body has such an inertia.
     """
-    return with_rotation(open_model(model), found)
+    return with_rotation(_opened(model), found)
 
 
 def rollouts(model: AnyModel, logs: Logs) -> Unseen:
@@ -51,7 +51,11 @@ def rollouts(model: AnyModel, logs: Logs) -> Unseen:
     LogError
         A log has no position, velocity or attitude, or is too short.
     """
-    return forecast_unseen(_read(logs), open_model(model).vehicle)
+    return forecast_unseen(_read(logs), _opened(model).vehicle)
+
+
+def _opened(model: AnyModel) -> Model:
+    return model if isinstance(model, Model) else load_model(model)
 
 
 def _read(logs: Logs) -> list[FlightLog]:
