@@ -49,6 +49,16 @@ class StackedEffect:
     held: bool = False
     """True: a fit leaves its parameters as they are."""
 
+    @property
+    def ci95(self) -> dict[str, tuple[float, float]]:
+        """95 % intervals of the fitted parameters, by their names."""
+        return self.fitted.ci95 if self.fitted else {}
+
+    def to_dict(self) -> dict[str, Any]:
+        """Name, parameters and intervals, as JSON can hold them."""
+        ci95 = {name: list(ci) for name, ci in self.ci95.items()}
+        return {"effect": self.effect.name, "parameters": self.effect.values(), "ci95": ci95}
+
 
 class Loads(NamedTuple):
     """Force and moment on a vehicle, of its rotors and of all effects; weight excluded."""
@@ -82,6 +92,10 @@ class Model:
         """The same stack with other parameters; `effects` in the stack's order."""
         stack = tuple(replace(old, effect=new) for new, old in zip(effects, self.stack, strict=True))
         return replace(self, stack=stack)
+
+    def without(self, effect: Effect) -> "Model":
+        """Copy without one of its effects; the others keep their parameters."""
+        return replace(self, stack=tuple(item for item in self.stack if item.effect is not effect))
 
     def in_air(self, c: Conditions) -> Conditions:
         """The same conditions with the velocity relative to the air, as the effects want them."""

@@ -5,7 +5,7 @@ import re
 import reprlib
 import types
 import typing
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from pathlib import Path
 from typing import Any, Self, TypeVar
 
@@ -163,6 +163,8 @@ def _first_problem(error: ValidationError, kind: type[BaseModel], data: Any) -> 
     field = _field_name(location)
     if problem["type"] == "extra_forbidden":
         known = sorted(_known_keys(kind, location[:-1]))
+        if len(location) == 1 and (theirs := _kind_of(data)) != (ours := _kind_of(known)) and theirs and ours:
+            return f"is {theirs}, expected {ours}"
         hint = nearest(str(location[-1]), known)
         return f"unknown key '{field}'{hint or ', expected one of: ' + ', '.join(known)}"
     if problem["type"] == "missing":
@@ -191,6 +193,20 @@ _EXPECTATIONS = {
     "too_long": "at most {max_length} entries, not {actual_length}",
 }
 """pydantic's kinds of problem in the words of someone who edits YAML; it says the others well enough itself."""
+
+
+_MARKS = {
+    "effects": "a model",
+    "phases": "a mission",
+    "mass_kg": "a vehicle file",
+    "guards": "a flight configuration",
+}
+"""Keys by which the kind of a file is known."""
+
+
+def _kind_of(keys: Collection[str]) -> str | None:
+    """Kind of the file with these keys at its top; None where none of them tells."""
+    return next((kind for key, kind in _MARKS.items() if key in keys), None)
 
 
 def _location(problem: Mapping[str, Any], data: Any) -> list[int | str]:

@@ -13,8 +13,10 @@ from pathlib import Path
 from quadctl.errors import QuadctlError
 from quadctl.lab import diagnose, discover
 from quadctl.lab.comparison.wording import parameters_in_words
+from quadctl.lab.finding import Finding, Kind, parameters_of
 from quadctl.lab.selection.diagnosis import Diagnosis
 from quadctl.lab.selection.discovery import Discovery
+from quadctl.lab.words import in_words
 from quadctl.logs.consistency import complaints
 from quadctl.logs.flight_log import FlightLog
 from quadctl.logs.record.copies import without_copies
@@ -163,14 +165,17 @@ def section(flights: Flights, found: Discovery) -> str:
     listed = []
     for step in steps[1:]:
         effect = words.get(step.effect)
-        parameters = f": {parameters_in_words(effect, intervals[effect.name])}" if effect else ""
+        parameters = (
+            f": {parameters_in_words(parameters_of(effect, intervals[effect.name])['parameters'])}" if effect else ""
+        )
         listed.append(f"`{step.effect}` {step.rmse['total']:.3f}{parameters}")
     diagnosis = found.diagnosis
     said = (
         ["Part of the remaining error depends on the logged variables, unexplained."] if diagnosis.unexplained else []
     )
     said += [
-        f"Measured, but small: {c.effect.name}, {parameters_in_words(c.effect, c.ci95)}." for c in diagnosis.measured
+        f"Measured, but small: {in_words(Finding(Kind.EFFECT, parameters_of(c.effect, c.ci95)))}."
+        for c in diagnosis.measured
     ]
     said += [f"Confounded: {' and '.join(pair)}." for pair in diagnosis.confounded]
     logs = ", ".join(f"`{Path(name).name}`" for name in flights.logs)

@@ -23,9 +23,9 @@ from PIL import Image
 from quadctl.errors import QuadctlError
 from quadctl.lab import add, compare, discover, plots
 from quadctl.lab.comparison.comparison import Comparison
+from quadctl.lab.effect_curves import effect_curves
 from quadctl.lab.fitting.nuisances import KINDS
 from quadctl.lab.selection.discovery import Discovery
-from quadctl.lab.selection.effect_curves import effect_curves
 from quadctl.lab.tracking.metrics import MetricsTable, Tracking, Window, metrics, tracking
 from quadctl.logs.read import read_logs
 from quadctl.sitl.vehicle.hidden import load_hidden, true_model

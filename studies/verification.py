@@ -25,7 +25,7 @@ from scipy.stats import binomtest
 from quadctl.flight.preflight.preparation import prepare_flight
 from quadctl.lab.flights.dataset import load_dataset
 from quadctl.lab.selection.discovery import discover
-from quadctl.lab.selection.verification import FALSE_ALARMS, FlightCheck, verify
+from quadctl.lab.verification import FALSE_ALARMS, FlightCheck, verify
 from quadctl.logs.flight_log import FlightLog
 from quadctl.logs.read import read_log
 from quadctl.model import Model, load_model, save_model

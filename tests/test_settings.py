@@ -279,3 +279,18 @@ def test_a_model_whose_vehicle_is_not_there(tmp_path: Path) -> None:
 
 def test_the_shipped_vehicle_is_valid(raptor_path: Path) -> None:
     assert load_vehicle(raptor_path).name == "raptor"
+
+
+@pytest.mark.parametrize(
+    ("content", "kind"),
+    [
+        ("vehicle: raptor.yaml\neffects: []\n", "is a model, expected a vehicle file"),
+        ("name: hop\nphases: []\n", "is a mission, expected a vehicle file"),
+        ("vehicle: raptor.yaml\nguards: {}\n", "is a flight configuration, expected a vehicle file"),
+    ],
+)
+def test_a_file_of_another_kind_is_called_what_it_is(tmp_path: Path, content: str, kind: str) -> None:
+    path = tmp_path / "given.yaml"
+    path.write_text(content)
+    with pytest.raises(SettingsError, match=f"given.yaml: {kind}$"):
+        load_vehicle(path)

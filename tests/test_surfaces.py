@@ -19,7 +19,7 @@ from quadctl.flight.preflight.findings import Verdict
 from quadctl.flight.preflight.plan import read_flight
 from quadctl.lab.flights.dataset import load_dataset
 from quadctl.lab.planning.suggestion import Suggestion, least_known_surface
-from quadctl.lab.selection.surfaces import SurfaceComparison, compare_surfaces
+from quadctl.lab.surfaces import SurfaceComparison, compare_surfaces
 from quadctl.logs.flight_log import FlightLog
 from quadctl.logs.read import read_log
 from quadctl.missions import load_mission

@@ -4,6 +4,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
+from rich.table import Table
 from rich.text import Text
 
 from quadctl.cli.app import app, console
@@ -54,7 +55,7 @@ def check(
         Reads(),
         typer.Argument(
             metavar="[VEHICLE.yaml] MISSION",
-            help="Vehicle file [default: of the model, else of the configuration]; mission file, or its name: figure8.",
+            help="Mission file or name (figure8); before it a vehicle file [default: of the model or configuration].",
             callback=_found,
         ),
     ],
@@ -123,9 +124,12 @@ def check(
         console.print(
             f"{plan.mission.name} may be flown: {count(len(findings), 'check')}, {count(warnings, 'warning')}."
         )
+    table = Table.grid(padding=(0, 2))
     for finding in sorted(findings, key=lambda f: list(reversed(Verdict)).index(f.verdict)):
-        line = Text(f"{finding.verdict.value:8}", style=STYLES[finding.verdict.value])
-        console.print(line.append(f" {finding.topic:12} {finding.text}", style="default not bold"), soft_wrap=True)
+        table.add_row(
+            Text(finding.verdict.value, style=STYLES[finding.verdict.value]), finding.topic, Text(finding.text)
+        )
+    console.print(table)
     write_json(json_out, {"mission": plan.mission.name, "findings": [finding.to_dict() for finding in findings]})
     if refused:
         raise FlightError(f"{mission} must not be flown like this: {refused} of {len(findings)} checks refuse it")

@@ -9,7 +9,7 @@ from rich.table import Table
 
 from quadctl.cli.app import app, console
 from quadctl.cli.inputs import find
-from quadctl.cli.output import JsonOption, print_saved, say, write_json
+from quadctl.cli.output import JsonOption, print_saved, say, tell, write_json
 from quadctl.cli.overwriting import Reads, Writes, WritesInto
 from quadctl.errors import FlightError, QuadctlError
 from quadctl.files import write_text
@@ -17,7 +17,7 @@ from quadctl.files import write_text
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from quadctl.export.autopilot import Row
+    from quadctl.export.autopilot import Dialect, Present, Row
     from quadctl.model import Model
     from quadctl.words import Fact
 
@@ -40,7 +40,7 @@ def export(
         typer.Option(
             "--to",
             metavar="px4|ardupilot|casadi|numpy|rotorpy|crazyflow|gazebo|sih|sitl",
-            help="Parameters, or equations of motion.",
+            help="Autopilot, equations of motion, or simulator (sih: PX4's, sitl: ArduPilot's).",
         ),
     ],
     output: Annotated[
@@ -50,14 +50,14 @@ def export(
         Path | None,
         Reads(),
         typer.Option(
-            "--now", metavar="FILE", help="The vehicle's present parameters (.params, .parm), or a log of it."
+            "--now", metavar="FILE", help="The vehicle's present parameters (.params, .parm), or a flight log."
         ),
     ] = None,
     link: Annotated[
         str | None, typer.Option("--link", metavar="URL", help="Ask the vehicle for its present parameters.")
     ] = None,
     apply: Annotated[
-        bool, typer.Option("--apply", help="Write them to the vehicle at --link, after a question.")
+        bool, typer.Option("--apply", help="Write the exported parameters to --link, after a question.")
     ] = False,
     undo: Annotated[bool, typer.Option("--undo", help="Restore what --apply has changed.")] = False,
     yes: Annotated[bool, typer.Option("--yes", help="Do not ask before --apply.")] = False,
@@ -71,17 +71,9 @@ def export(
     It becomes parameters with 95 % intervals, equations of motion, or a vehicle of a simulator. Parameters that the
     flights do not determine, and effects that the target cannot represent, are listed.
     """
-    from quadctl.export.autopilot import (
-        WHOLE,
-        Present,
-        check_same_autopilot,
-        check_same_vehicle,
-        parameter_file,
-        parameters,
-    )
-    from quadctl.export.sensors import needed, sensor_rows
+    from quadctl.export.autopilot import check_same_vehicle, left_out, parameter_file, parameters
+    from quadctl.export.sensors import sensor_rows
     from quadctl.export.targets import AUTOPILOTS, PROGRAMS
-    from quadctl.logs.parameters import read_present_parameters
     from quadctl.model import load_model
     from quadctl.sensor_model import is_sensor_file, load_sensors
 
@@ -104,28 +96,20 @@ def export(
         undo_at(str(link), dialect, kept, say)
         return
     of_sensors = is_sensor_file(model)
-    present: Present | None = None
-    if now is not None:
-        values = read_present_parameters(now)
-        present = Present(values, str(now), is_whole=len(values) >= WHOLE)
-        if not of_sensors:
-            check_same_autopilot(present, dialect)
-    elif link is not None:
-        from quadctl.export.apply import present_parameters
-
-        present = present_parameters(link, dialect, needed(dialect) if of_sensors else None)
+    present = _present(now, link, dialect, of_sensors)
+    lacking: tuple[Fact, ...] = ()
     if of_sensors:
         rows = sensor_rows(load_sensors(model), dialect, present)
     else:
         loaded = load_model(model)
         if present is not None:
             check_same_vehicle(present, dialect, loaded)
-        rows = parameters(loaded, dialect, present)
+        rows, lacking = parameters(loaded, dialect, present), left_out(loaded, dialect)
     text = parameter_file(rows, dialect, str(model))
     _print(rows)
-    write_json(
-        json_out, {"model": str(model), "autopilot": dialect.name, "parameters": [_as_dict(row) for row in rows]}
-    )
+    tell(*(f"Left out: {reason}." for reason in lacking))
+    result = {"model": str(model), "autopilot": dialect.name, "parameters": [_as_dict(row) for row in rows]}
+    write_json(json_out, {**result, "left_out": [str(reason) for reason in lacking]})
     if output is not None:
         write_text(output, text)
         print_saved(output)
@@ -134,6 +118,25 @@ def export(
 
         _confirm(yes)
         write_parameters(str(link), dialect, rows, kept, say)
+
+
+def _present(now: Path | None, link: str | None, dialect: "Dialect", of_sensors: bool) -> "Present | None":
+    """Parameters that are on the vehicle, by a file or by itself; None where neither is given."""
+    from quadctl.export.autopilot import WHOLE, Present, check_same_autopilot
+    from quadctl.export.sensors import needed
+    from quadctl.logs.parameters import read_present_parameters
+
+    if now is not None:
+        values = read_present_parameters(now)
+        present = Present(values, str(now), is_whole=len(values) >= WHOLE)
+        if not of_sensors:
+            check_same_autopilot(present, dialect)
+        return present
+    if link is None:
+        return None
+    from quadctl.export.apply import present_parameters
+
+    return present_parameters(link, dialect, needed(dialect) if of_sensors else None)
 
 
 def _write_program(write: "Callable[[Model, Path], tuple[Fact, ...]]", file: Path, output: Path) -> None:
@@ -148,8 +151,7 @@ def _write_program(write: "Callable[[Model, Path], tuple[Fact, ...]]", file: Pat
         left_out = write(model, output)
     except OSError as error:
         raise QuadctlError(f"{output}: cannot be written ({error.strerror})") from None
-    for reason in left_out:
-        say(f"Left out: {reason}.")
+    tell(*(f"Left out: {reason}." for reason in left_out))
     print_saved(output)
 
 
@@ -176,8 +178,10 @@ def _print(rows: "list[Row]") -> None:
             present = "" if row.present is None else f"{row.present:.4g}{' confirmed' if row.is_confirmed else ''}"
             table.add_row(row.name, f"{found.value:.4g}", interval, present)
     console.print(table)
-    for row in rows:
-        say(f"{row.name}: {said(row, with_interval=False)}")
+    for row in (row for row in rows if row.estimate is not None):
+        tell(f"{row.name}: {said(row, with_interval=False)}")
+    for row in (row for row in rows if row.estimate is None):
+        tell(f"Not exported: {row.name}: {said(row, with_interval=False)}")
 
 
 def _as_dict(row: "Row") -> dict[str, object]:

@@ -55,7 +55,7 @@ HiddenOption = Annotated[
         callback=find,
     ),
 ]
-SeedOption = Annotated[int, typer.Option("--seed", metavar="N", min=0, help="Same seed, same flight.")]
+SeedOption = Annotated[int, typer.Option("--seed", metavar="N", min=0, help="Seed of the simulated noise.")]
 OffsetOption = Annotated[
     float | None, typer.Option("--offset-up", metavar="M", help="Raise the whole mission by M metres.")
 ]
@@ -131,7 +131,7 @@ def fly(
         str | None, typer.Option("--link", metavar="URL", help="auto, udpin://..., serial:///dev/...:BAUD")
     ] = None,
     sitl: Annotated[
-        bool, typer.Option("--sitl", help="Fly a simulated autopilot of quadctl's own over MAVLink, in real time.")
+        bool, typer.Option("--sitl", help="Fly quadctl's own simulated autopilot over MAVLink, in real time.")
     ] = False,
     autopilot: Annotated[
         Simulated | None,

@@ -8,7 +8,7 @@ from quadctl.installed import describe, is_installed, locate
 
 
 def find(path: Path | None) -> Path | None:
-    """Callback of an argument or option that names one file: says so where the installed one is used."""
+    """Callback of an argument or option that names a file or folder: says so where the installed one is used."""
     if path is None:
         return None
     found = locate(path)
@@ -27,13 +27,6 @@ def find_mission(path: Path) -> Path:
     named = Path("missions") / f"{path.name.removesuffix('.yaml')}.yaml"
     bare = len(path.parts) == 1 and not path.exists() and locate(named).is_file()
     return find(named if bare else path) or path
-
-
-def find_missions(folder: Path) -> Path:
-    """Callback of an argument or option that names the folder of the missions: says which one is used."""
-    found = locate(folder)
-    say(describe("missions", found))
-    return found
 
 
 def find_configuration(given: Path | None, mission: Path) -> Path:

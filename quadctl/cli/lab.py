@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from quadctl.cli.app import app, console
-from quadctl.cli.inputs import find, find_missions
-from quadctl.cli.output import JsonOption, print_saved, say, write_json
+from quadctl.cli.inputs import find
+from quadctl.cli.output import JsonOption, print_saved, say, tell, write_json
 from quadctl.cli.overwriting import Reads, Writes, WritesInto
 from quadctl.cli.sensors import (
     PlotOption,
@@ -174,9 +174,7 @@ def suggest(
     missions: Annotated[
         Path,
         Reads(),
-        typer.Option(
-            "--missions", metavar="DIR", help="Folder of the missions to choose from.", callback=find_missions
-        ),
+        typer.Option("--missions", metavar="DIR", help="Folder of the missions to choose from.", callback=find),
     ] = Path("missions"),
     json_out: JsonOption = None,
     hold_out: HoldOutOption = "blocks",
@@ -204,7 +202,7 @@ def add(
         str,
         Reads(),
         typer.Argument(
-            metavar="EFFECT", help="Name of an effect, e.g. ground_effect.exponential, or FILE.py of your own."
+            metavar="EFFECT", help="Effect or family, e.g. rotor_drag.linear or rotor_drag; or FILE.py of your own."
         ),
     ],
     model: ModelArgument,
@@ -242,7 +240,7 @@ def verify(
     The exit status is 1 where it does not.
     """
     from quadctl.lab.flights.dataset import load_dataset
-    from quadctl.lab.selection.verification import verify as run
+    from quadctl.lab.verification import verify as run
     from quadctl.logs.read import read_logs
     from quadctl.logs.record.copies import without_copies
     from quadctl.model import load_model
@@ -267,7 +265,7 @@ def surfaces(
 
     One weight is fitted for each surface that the flights passed over.
     """
-    from quadctl.lab.selection.surfaces import compare_surfaces
+    from quadctl.lab.surfaces import compare_surfaces
 
     study = _study(model, logs, hold_out)
     result = compare_surfaces(study.model, study.seen)
@@ -329,13 +327,13 @@ def remove(
 
     With logs the others are refitted, and the change of the held-out error is printed.
     """
-    from quadctl.lab.selection.removal import held_effect, without
+    from quadctl.lab.selection.removal import held_effect
     from quadctl.model import load_model, save_model
 
     if not logs:
         loaded = load_model(model)
         taken = held_effect(effect, loaded)
-        save_model(without(taken, loaded), output)
+        save_model(loaded.without(taken), output)
         kept = "Nothing was refitted: the others keep the parameters that they had beside it."
         say(f"{taken.name} is taken out. {kept}")
         print_saved(output)
@@ -410,7 +408,7 @@ def metrics(
         ),
     ] = None,
     setpoint: Annotated[
-        float | None, typer.Option("--setpoint", metavar="Z", help="Constant reference, m, where the log has none.")
+        float | None, typer.Option("--setpoint", metavar="Z", help="Constant setpoint, m, where the log has none.")
     ] = None,
     begin: Annotated[float | None, typer.Option("--from", metavar="T", help="Start of the window, s.")] = None,
     end: Annotated[float | None, typer.Option("--to", metavar="T", help="End of the window, s.")] = None,
@@ -419,7 +417,8 @@ def metrics(
 ) -> None:
     """Measure the tracking errors of a step.
 
-    M_A is the integral of the error, M_B that of the difference from the reference flight; MAE, RMSE.
+    M_A is the integral of the error, M_B that of the difference from the reference
+    flight. Also MAE and RMSE.
 
     The window is --from and --to, or --phase, or the phases named 'step'; without phases, the step found in the log.
     """
@@ -492,7 +491,7 @@ def _print_notes(study: "Study") -> None:
     """Print which parts of the logs were left out, and why: a result on half a file must not look like one on all."""
     for flight in study.seen.flights:
         for note in flight.notes:
-            say(f"{flight.name}: {note}")
+            tell(f"{flight.name}: {note}")
 
 
 def _point_to_verify(study: "Study", model: Path, logs: Sequence[Path]) -> None:

@@ -9,7 +9,7 @@ from rich.text import Text
 
 from quadctl.cli.app import app, console
 from quadctl.cli.flight import ConfigOption, MissionArgument, OffsetOption, SetOption
-from quadctl.cli.inputs import find_configuration, find_missions
+from quadctl.cli.inputs import find, find_configuration
 from quadctl.cli.output import print_saved
 from quadctl.cli.overwriting import App, Reads, Writes
 
@@ -49,7 +49,7 @@ def show(
 @missions.command("list")
 def list_missions(
     folder: Annotated[
-        Path, Reads(), typer.Argument(metavar="DIR", help="Folder with mission files.", callback=find_missions)
+        Path, Reads(), typer.Argument(metavar="DIR", help="Folder with mission files.", callback=find)
     ] = Path("missions"),
 ) -> None:
     """List the missions of a folder: duration, heights, the parameters of --set, and the purpose."""

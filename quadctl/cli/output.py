@@ -24,6 +24,12 @@ def say(*lines: object, style: str | None = None, end: str = "\n") -> None:
     console.print("\n".join(map(str, lines)), style=style, end=end, soft_wrap=True, markup=False, highlight=False)
 
 
+def tell(*sentences: object) -> None:
+    """Print sentences, each from a new line, wrapped at the width of the terminal."""
+    for sentence in sentences:
+        console.print(str(sentence), markup=False, highlight=False)
+
+
 def print_saved(path: Path) -> None:
     say(f"Saved: {path}")
 

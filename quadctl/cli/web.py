@@ -7,7 +7,7 @@ import typer
 
 from quadctl.cli.app import app
 from quadctl.cli.flight import HiddenOption, simulator
-from quadctl.cli.inputs import find, find_missions
+from quadctl.cli.inputs import find
 from quadctl.cli.output import say
 from quadctl.cli.overwriting import Reads, WritesInto
 
@@ -32,7 +32,7 @@ def lab_page(
         Path, WritesInto(), typer.Option("--out", metavar="DIR", help="Folder for all that is saved.")
     ] = Path("lab"),
     missions: Annotated[
-        Path, Reads(), typer.Option("--missions", metavar="DIR", help="Folder of the missions.", callback=find_missions)
+        Path, Reads(), typer.Option("--missions", metavar="DIR", help="Folder of the missions.", callback=find)
     ] = Path("missions"),
     hidden: HiddenOption = None,
     port: Annotated[int, typer.Option("--port", metavar="N", min=1, max=65535)] = 8090,

@@ -10,6 +10,9 @@ from quadctl.vehicle import Vehicle
 
 RATIO_LIMIT = 0.5
 """The linear law is cut where it would change the thrust by more than half."""
+LEAST = 0.02
+"""Smallest loss that counts, a tenth of what rotors have: at an induced velocity of 5 m/s it is the drag along body z
+that does not count either (see `rotor_drag`), and in one flight the two are the same."""
 DRAG_SHOWS_M_S = 1.0
 """Span of the horizontal speed above which a flight shows a drag, if there is one."""
 
@@ -33,6 +36,9 @@ class AxialInflow(ThrustRatio):
     mission: ClassVar[str] = "missions/vertical_runs.yaml"
 
     k: float = parameter(0.3, 0.0, 2.0, "", "loss of thrust, as a fraction, at a climb rate of v_h")
+
+    def negligible(self) -> bool:
+        return self.k < LEAST
 
     def inseparable_from(
         self, missing: Collection[str], ci95: Mapping[str, tuple[float, float]], span: Callable[[str], float]

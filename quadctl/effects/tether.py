@@ -13,6 +13,9 @@ from quadctl.vehicle import Vehicle
 
 THINNER_AIR_PER_M = 1e-4
 """Share of the thrust that rotors lose per metre of height, at the same speed, as the air is thinner there (ISA)."""
+LEAST_SPAN_M = 0.5
+"""Least span of the heights (5th to 95th percentile) that shows a cable: a controller leaves less of whatever disturbs
+it, and such a height follows the error that it would seem to explain."""
 
 
 @dataclass(frozen=True)
@@ -39,6 +42,11 @@ class HangingTether(Effect):
     def believable(self, flights: Sequence[Conditions], vehicle: Vehicle) -> bool:
         """True for a cable that weighs clearly more than what thinner air costs in thrust."""
         return self.weight_n_per_m > 2.0 * THINNER_AIR_PER_M * vehicle.weight_n
+
+    def distinct(self, flights: Sequence[Conditions], vehicle: Vehicle) -> bool:
+        """True where heights were flown, as on a way up: else they follow the errors of the thrust."""
+        low, high = np.percentile(np.concatenate([np.atleast_1d(c.height_m) for c in flights]), [5.0, 95.0])
+        return bool(high - low > LEAST_SPAN_M)
 
     def force(self, total_thrust_n: float, c: Conditions, vehicle: Vehicle) -> Vector:
         lifted = maximum(c.height_m - self.slack_m, 0.0)

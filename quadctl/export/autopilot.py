@@ -17,6 +17,7 @@ from quadctl.effects.thrust_scale import ConstantScale
 from quadctl.errors import SettingsError
 from quadctl.export.estimate import Estimate, estimate
 from quadctl.export.hover import bend, hover_throttle
+from quadctl.export.left_out import Kind
 from quadctl.model import Model, StackedEffect
 from quadctl.words import Fact, Kinds, When, fact
 
@@ -245,6 +246,13 @@ def parameters(model: Model, dialect: Dialect, present: Present | None = None) -
                 Row(name, "lets the estimator use the drag", Estimate(value, value, value)), dialect, present
             )
     return [row._replace(note=dialect.notes.get(row.name, "")) for row in found]
+
+
+def left_out(model: Model, dialect: Dialect) -> tuple[Fact, ...]:
+    """Effects of the model for which the autopilot has no parameter."""
+    held = {*THRUST, QuadraticDrag.family(), LinearDrag.family()}
+    others = (effect.name for effect in model.effects if effect.family() not in held)
+    return tuple(fact(Kind.NO_PARAMETER, effect=name, target=dialect.name) for name in others)
 
 
 def _drag_names(dialect: Dialect) -> tuple[str, ...]:

@@ -33,7 +33,7 @@ PX4 = Dialect(
     },
     since={},
     notes={
-        "MPC_THR_HOVER": "the initial value: MPC_USE_HTE then updates it in flight",
+        "MPC_THR_HOVER": "only a start value where MPC_USE_HTE is 1",
         "THR_MDL_FAC": "tune the gains of the rate controller again; the vehicle file's throttle line changes, too",
         "EKF2_MCOEF": "one number for both axes",
         "EKF2_DRAG_CTRL": "1 switches the drag on",

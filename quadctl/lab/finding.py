@@ -98,9 +98,9 @@ class Finding:
         return {"kind": self.kind.value, **self.facts}
 
 
-def parameters_of(effect: Effect, ci95: Mapping[str, tuple[float, float]]) -> dict[str, dict[str, Any]]:
-    """Parameters of an effect, each with `value` and `ci95`; one that is chosen and not fitted has no interval."""
-    return {
-        name: {"value": value, "ci95": list(ci95[name]) if name in ci95 else None}
-        for name, value in effect.values().items()
-    }
+def parameters_of(effect: Effect, ci95: Mapping[str, tuple[float, float]]) -> dict[str, Any]:
+    """Facts `effect` and `parameters`, each with `value` and `ci95`; one that is chosen and not fitted has no
+    interval."""
+    values = effect.values().items()
+    parameters = {name: {"value": v, "ci95": list(ci95[name]) if name in ci95 else None} for name, v in values}
+    return {"effect": effect.name, "parameters": parameters}

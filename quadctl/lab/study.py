@@ -10,12 +10,12 @@ from quadctl.errors import SettingsError
 from quadctl.lab.comparison.comparison import Comparison, compare
 from quadctl.lab.comparison.unseen_flights import Judgement, judge
 from quadctl.lab.evaluation import Evaluation, evaluate
+from quadctl.lab.evidence import Evidence, evidence_for
 from quadctl.lab.fitting.fitted_model import FittedModel, Solution, fit_model
 from quadctl.lab.flights.dataset import Dataset, HoldOut, load_dataset
 from quadctl.lab.selection.addition import Addition, add
 from quadctl.lab.selection.diagnosis import Diagnosis, diagnose_fit
 from quadctl.lab.selection.discovery import Discovery, discover
-from quadctl.lab.selection.evidence import Evidence, evidence_for
 from quadctl.lab.selection.refit import Refit, fit
 from quadctl.lab.selection.removal import Removal, held_effect, remove
 from quadctl.logs.flight_log import FlightLog

@@ -5,10 +5,9 @@ Those of comparisons stand with the formats of numbers in `quadctl.lab.compariso
 
 from collections.abc import Mapping
 from enum import unique
-from typing import Any
 
 from quadctl.lab.comparison.reservations import vehicle_in_words
-from quadctl.lab.comparison.wording import FORMATS, IF_IT_FLEW, interval_in_words, listed, plain, sentence
+from quadctl.lab.comparison.wording import FORMATS, IF_IT_FLEW, listed, parameters_in_words, plain, sentence
 from quadctl.lab.finding import Finding, Kind
 from quadctl.lab.flights.flight import SPAN_NAMES
 from quadctl.vehicle import Vehicle
@@ -31,15 +30,15 @@ _VERDICTS: Mapping[Kind, str] = {
 TEMPLATES: Mapping[Kind, Template] = {
     **{kind: (template, IF_IT_FLEW, ".") for kind, template in _VERDICTS.items()},
     Kind.EFFECT: "{effect}: {parameters:parameters}",
-    Kind.ERROR: "Held-out acceleration error: {before:number} → {after:m/s²} ({drop:change}).",
+    Kind.ERROR: "Held-out acceleration error, per-flight bias fitted: {before:number} → {after:m/s²} ({drop:change}).",
     Kind.PART_UNEXPLAINED: "Part of the remaining error depends on the logged variables; no known effect explains it.",
     Kind.CONFOUNDED: "{family:Family} or {others:others}: these data do not distinguish them.",
     Kind.FLIGHTS_DIFFER: "The flights differ in {parameter} of {effect} (p {p:p}): {flights:parameters}.",
-    Kind.NEXT_FLIGHT: "Next flight: {mission}; `quadctl suggest` compares all missions.",
+    Kind.NEXT_FLIGHT: "A flight to tell more: {mission}; `quadctl suggest` simulates all missions and ranks them.",
     Kind.UNSEEN_BY_CHOICE: "On data that neither the fit nor the choice of effects has seen: {before:number} → "
     "{after:m/s²} on {data} ({searches} searches; {found:counts}).",
-    Kind.SEEN_BY_CHOICE: "These errors are of held-out data, and the effects were chosen with the same data, so "
-    "errors may be too small: --nested tests that, several times slower.",
+    Kind.SEEN_BY_CHOICE: "The effects were chosen by these same held-out errors, which may thus be too small: "
+    "--nested tests that, several times slower.",
     Kind.WHOLE_FLIGHTS: "With whole flights held out: {before:number} → {after:m/s²}.",
     Kind.PART_SEARCHED: "The search used {searched} of {all} samples, in stretches spread over the flights: errors are "
     "of these, parameters of what is missing of all samples.",
@@ -98,14 +97,6 @@ def _leans(flights: Mapping[str, Mapping[str, float]]) -> str:
     return "; ".join([*shown[:3], *more])
 
 
-def _parameters(values: Mapping[str, Mapping[str, Any]]) -> str:
-    lines = [
-        f"{name} = {p['value']:.4g}" + (f" {interval_in_words(p['value'], tuple(p['ci95']))}" if p["ci95"] else "")
-        for name, p in values.items()
-    ]
-    return ", ".join(lines) or "no parameters"
-
-
 _FORMATS: Mapping[str, Format] = {
     **FORMATS,
     "family": plain,
@@ -116,7 +107,7 @@ _FORMATS: Mapping[str, Format] = {
     "any": " or ".join,
     "or": lambda names: f"; or, explaining as much, {listed(names)}" if names else "",
     "counts": lambda found: ", ".join(f"{plain(f)} in {n}" for f, n in found.items()) or "nothing in any",
-    "parameters": _parameters,
+    "parameters": parameters_in_words,
     "leans": _leans,
     "unit": lambda unit: str(unit).replace("^2", "²"),
     "span": lambda name: str(SPAN_NAMES.get(name, name)),

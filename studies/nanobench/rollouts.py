@@ -1,7 +1,10 @@
-"""Rollouts of the flights of NanoBench: physics with an observer, a regression, both, and a held state."""
+"""Rollouts of flights of a public benchmark: physics with an observer, regressions, both, and a held state."""
 
-from collections.abc import Sequence
+import time
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import cached_property, partial
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,125 +12,220 @@ from numpy.typing import NDArray
 from quadctl.errors import LogError
 from quadctl.lab.arrays import Floats
 from quadctl.lab.rotation.forecast import SETTLED_S
-from quadctl.lab.rotation.regression import change, changed, fit_ridge, future_features, past_features
-from quadctl.lab.rotation.rollout import HORIZONS_S, State, errors, held, observe, roll_out, state_at
+from quadctl.lab.rotation.regression import (
+    ABOUT,
+    ALONG,
+    CHANGED,
+    Features,
+    change,
+    changed,
+    fit_ridge,
+    future_features,
+    past_features,
+    side_by_side,
+    with_motions,
+)
+from quadctl.lab.rotation.rollout import State, Track, errors, held, observe, roll_out, state_at, turned_back
 from quadctl.lab.rotation.unseen import STEP_S, Flown, Known, flown_of, know, late_of
+from quadctl.logs.findings import Span
 from quadctl.logs.flight_log import FlightLog
 from quadctl.vehicle import Vehicle
 
-TRAIN_EVERY, TEST_EVERY = 3, 5
+from .perceptron import fit_perceptrons
+
+TRAIN_EVERY = 3
 ESTIMATE_EVERY = 2
 """Every so many flights are enough for a dozen parameters."""
 ABOVE_M = 0.5
-STEPS = [round(h / STEP_S) for h in HORIZONS_S]
+HELD, RIDGE, NETWORK = "held", "ridge", "perceptrons"
 ESTIMATED, FORECAST, CORRECTED = "physics, as estimated", "physics, fitted to forecasts", "the same and ridge"
-MODELS = ("held", "ridge", ESTIMATED, FORECAST, CORRECTED)
 
 
 @dataclass(frozen=True, eq=False)
 class Flight:
-    """One flight from half a metre up."""
+    """One flight, and the shape of its trajectory."""
 
     shape: str
     flown: Flown
 
-    def starts(self, every: int) -> NDArray[np.intp]:
-        return np.arange(round(SETTLED_S / STEP_S), len(self.flown.track.rates) - max(STEPS) - 1, every)
 
-
-def flight_of(log: FlightLog, shape: str, vehicle: Vehicle) -> Flight:
-    """The part of a log that flies.
+def flight_of(log: FlightLog, shape: str, vehicle: Vehicle, span_s: Span | None = None) -> Flight:
+    """A log from half a metre up, or the part `span_s` of it.
 
     Raises
     ------
     LogError
         It does not fly, or as `flown_of`.
     """
+    return Flight(shape, flown_of(log, vehicle, span_s or _high(log)))
+
+
+def _high(log: FlightLog) -> Span:
     high = np.flatnonzero(log["z_m"] > ABOVE_M)
     if len(high) == 0:
         raise LogError(f"{log.name}: stays below {ABOVE_M:g} m")
-    span_s = float(log.time_s[high[0]]) + 0.5, float(log.time_s[high[-1]]) - 0.5
-    return Flight(shape, flown_of(log, vehicle, span_s))
-
-
-def judged(train: Sequence[Flight], test: Sequence[Flight], vehicle: Vehicle) -> dict[str, list[Floats]]:
-    """Fit all models to the training flights, and compare their rollouts of the test flights with the record.
-
-    Returns mean errors in each test flight, each of shape (horizons, 4), by the name of the model.
-    """
-    known = know([f.flown for f in train], vehicle, estimate_every=ESTIMATE_EVERY)
-    training = [_Rolled(f, TRAIN_EVERY, known) for f in train]
-    tested = [(f, _Rolled(f, TEST_EVERY, known), _as_estimated(f, known)) for f in test]
-    found = {name: [np.zeros((len(STEPS), 4)) for _ in test] for name in MODELS}
-    for h, k in enumerate(STEPS):
-        windows = [rolled.windows(h) for rolled in training]
-        few, many = (windows[0].first.shape[1], windows[0].informed.shape[1])
-        plain = fit_ridge([w.plain for w in windows], [w.change for w in windows])
-        residual = fit_ridge([w.informed for w in windows], [w.change - w.guess for w in windows], (few, many))
-        for i, (f, rolled, estimated) in enumerate(tested):
-            w, track, rows, time_s = rolled.windows(h), f.flown.track, f.starts(TEST_EVERY), k * STEP_S
-            states = {
-                "held": held(track, rows, k),
-                "ridge": changed(w.start, plain.predict(w.plain), time_s),
-                ESTIMATED: estimated[h],
-                FORECAST: rolled.ends[h],
-                CORRECTED: changed(w.start, w.guess + residual.predict(w.informed), time_s),
-            }
-            for name, state in states.items():
-                found[name][i][h] = errors(state, track, rows + k).mean(axis=0)
-    return found
-
-
-def _as_estimated(flight: Flight, known: Known) -> list[State]:
-    """Rollouts by the physics as estimated, with the observer that suits it."""
-    track = flight.flown.track
-    driven = known.commands(track).driven(*late_of(known.rotation))
-    seen = observe(track, driven, known.physics, known.noise)
-    return roll_out(track, driven, known.physics, seen, flight.starts(TEST_EVERY), STEPS)
-
-
-class _Rolled:
-    """Forecasts of one flight, and what a regression sees of it."""
-
-    def __init__(self, flight: Flight, every: int, known: Known) -> None:
-        self._track, self._rows = flight.flown.track, flight.starts(every)
-        commands = known.commands(self._track)
-        self.ends = known.forecast.roll_out(self._track, commands, self._rows, STEPS)
-        self._slow = np.hstack([d.slow[self._rows] for d in known.forecast.seen(self._track, commands)])
-
-    def windows(self, horizon: int) -> "_Windows":
-        start, steps = state_at(self._track, self._rows), STEPS[horizon]
-        return _Windows(
-            start,
-            future_features(self._track, self._rows, steps),
-            past_features(self._track, self._rows),
-            change(start, self.ends[horizon], steps * STEP_S),
-            self._slow,
-            change(start, state_at(self._track, self._rows + steps), steps * STEP_S),
-        )
+    return float(log.time_s[high[0]]) + 0.5, float(log.time_s[high[-1]]) - 0.5
 
 
 @dataclass(frozen=True, eq=False)
-class _Windows:
-    """Windows of one flight and horizon, as the regressions see them."""
+class Judged:
+    """Rollouts by one model, of flights that no fit saw."""
 
-    start: State
-    future: Floats
-    past: Floats
-    guess: Floats
-    slow: Floats
-    """Slow moment and force, as the forecast reckons with them."""
-    change: Floats
+    errors: list[Floats]
+    """Mean errors in each flight, each of shape (horizons, 4)."""
+    fit_s: list[float]
+    """Processor time of each fit, that of what it builds on included."""
+    window_us: list[float]
+    """Processor time of a window's prediction, all horizons together, in each flight."""
 
-    @property
-    def plain(self) -> Floats:
-        return np.hstack([self.future, self.past])
 
-    @property
-    def first(self) -> Floats:
+def together(parts: Sequence[dict[str, Judged]]) -> dict[str, Judged]:
+    """Results of several fits as one, by the name of the model."""
+    return {
+        name: Judged(*([x for p in parts for x in getattr(p[name], of)] for of in ("errors", "fit_s", "window_us")))
+        for name in parts[0]
+    }
+
+
+def judged(
+    train: Sequence[Flight], test: Sequence[Flight], vehicle: Vehicle, horizons_s: Sequence[float], every: int
+) -> dict[str, Judged]:
+    """Fit all models to the training flights, and compare their rollouts of the test flights with the record, from a
+    window in every so many samples, by the name of the model."""
+    steps = [round(h / STEP_S) for h in horizons_s]
+    begin = time.process_time()
+    known = know([f.flown for f in train], vehicle, estimate_every=ESTIMATE_EVERY)
+    physics_s = time.process_time() - begin
+    training = [Windows(f.flown.track, TRAIN_EVERY, steps, known) for f in train]
+    found = {}
+    for name, (fit, before_s) in _models(training, known, physics_s).items():
+        begin = time.process_time()
+        predict = fit()
+        fit_s = before_s + time.process_time() - begin
+        missed, window_us = [], []
+        for f in test:
+            windows, track = Windows(f.flown.track, every, steps, known), f.flown.track
+            begin = time.process_time()
+            ends = predict(windows)
+            window_us.append(1e6 * (time.process_time() - begin) / len(windows.rows))
+            pairs = zip(steps, ends, strict=True)
+            missed.append(np.array([errors(end, track, windows.rows + k).mean(axis=0) for k, end in pairs]))
+        found[name] = Judged(missed, [fit_s], window_us)
+    return found
+
+
+@dataclass(frozen=True, eq=False)
+class Windows:
+    """Windows of one flight, their forecasts, and what a regression sees of them."""
+
+    track: Track
+    every: int
+    steps: Sequence[int]
+    known: Known
+
+    @cached_property
+    def rows(self) -> NDArray[np.intp]:
+        return np.arange(round(SETTLED_S / STEP_S), len(self.track.rates) - max(self.steps) - 1, self.every)
+
+    @cached_property
+    def start(self) -> State:
+        return state_at(self.track, self.rows)
+
+    @cached_property
+    def forecasts(self) -> list[State]:
+        return self.known.forecast.roll_out(self.track, self.known.commands(self.track), self.rows, self.steps)
+
+    @cached_property
+    def _slow(self) -> Features:
+        """Slow moment and force, as the forecast reckons with them."""
+        moment, force = (
+            d.slow[self.rows] for d in self.known.forecast.seen(self.track, self.known.commands(self.track))
+        )
+        return Features(np.hstack([moment, turned_back(self.start.attitude, force)]), ABOUT + ALONG)
+
+    @cached_property
+    def _moved(self) -> Track:
+        return with_motions(self.track, self.known.vehicle)
+
+    @cached_property
+    def _past(self) -> Features:
+        return past_features(self._moved, self.rows)
+
+    def _future(self, horizon: int) -> Features:
+        return future_features(self._moved, self.rows, self.steps[horizon])
+
+    def plain(self, horizon: int) -> Features:
+        """What a model sees that knows no physics."""
+        return side_by_side([self._future(horizon), self._past])
+
+    def first(self, horizon: int) -> Features:
         """Least that a correction of the physics sees: the forecast, and the commands."""
-        return np.hstack([self.future, self.guess])
+        return side_by_side([self._future(horizon), Features(self.guess(horizon), CHANGED)])
 
-    @property
-    def informed(self) -> Floats:
-        return np.hstack([self.first, self.past, self.slow])
+    def informed(self, horizon: int) -> Features:
+        return side_by_side([self.first(horizon), self._past, self._slow])
+
+    def guess(self, horizon: int) -> Floats:
+        """Change of the state by the forecast."""
+        return change(self.start, self.forecasts[horizon], self.steps[horizon] * STEP_S)
+
+    def change(self, horizon: int) -> Floats:
+        return change(self.start, state_at(self.track, self.rows + self.steps[horizon]), self.steps[horizon] * STEP_S)
+
+    def after(self, horizon: int, moved: Floats) -> State:
+        return changed(self.start, moved, self.steps[horizon] * STEP_S)
+
+
+class Map(Protocol):
+    """What a regression finds."""
+
+    def predict(self, x: Floats) -> Floats: ...
+
+
+Predict = Callable[[Windows], list[State]]
+"""States of windows after each horizon."""
+
+
+def _models(
+    training: Sequence[Windows], known: Known, physics_s: float
+) -> dict[str, tuple[Callable[[], Predict], float]]:
+    """Fit of each model, and the processor time of what it builds on, s."""
+    return {
+        HELD: (lambda: _held, 0.0),
+        RIDGE: (partial(_fitted, training, fit_ridge), 0.0),
+        NETWORK: (partial(_fitted, training, fit_perceptrons), 0.0),
+        ESTIMATED: (lambda: _as_estimated, physics_s),
+        FORECAST: (lambda: lambda windows: windows.forecasts, physics_s),
+        CORRECTED: (partial(_corrected, training), physics_s),
+    }
+
+
+def _held(windows: Windows) -> list[State]:
+    return [held(windows.track, windows.rows, k) for k in windows.steps]
+
+
+def _as_estimated(windows: Windows) -> list[State]:
+    """Rollouts by the physics as estimated, with the observer that suits it."""
+    track, known = windows.track, windows.known
+    driven = known.commands(track).driven(*late_of(known.rotation))
+    seen = observe(track, driven, known.physics, known.noise)
+    return roll_out(track, driven, known.physics, seen, windows.rows, windows.steps)
+
+
+def _fitted(training: Sequence[Windows], fit: Callable[[list[Features], list[Floats]], Map]) -> Predict:
+    """Regression that knows no physics, for each horizon."""
+    horizons = range(len(training[0].steps))
+    maps = [fit([w.plain(h) for w in training], [w.change(h) for w in training]) for h in horizons]
+    return lambda windows: [windows.after(h, maps[h].predict(windows.plain(h).values)) for h in horizons]
+
+
+def _corrected(training: Sequence[Windows]) -> Predict:
+    """Forecasts with a regression of what they leave."""
+    horizons, maps = range(len(training[0].steps)), []
+    for h in horizons:
+        few, many = (len(of(h).motions) for of in (training[0].first, training[0].informed))
+        left = [w.change(h) - w.guess(h) for w in training]
+        maps.append(fit_ridge([w.informed(h) for w in training], left, (few, many)))
+    return lambda windows: [
+        windows.after(h, windows.guess(h) + maps[h].predict(windows.informed(h).values)) for h in horizons
+    ]

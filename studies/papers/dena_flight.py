@@ -15,7 +15,7 @@ from quadctl.effects.ground_effect import Sanchez
 from quadctl.flight.preflight.preparation import prepare_flight
 from quadctl.lab.flights.dataset import load_dataset
 from quadctl.lab.selection.addition import add
-from quadctl.lab.selection.surfaces import SurfaceComparison, compare_surfaces
+from quadctl.lab.surfaces import SurfaceComparison, compare_surfaces
 from quadctl.logs.flight_log import FlightLog
 from quadctl.missions import load_mission
 from quadctl.model import Model, save_model

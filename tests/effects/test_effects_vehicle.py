@@ -30,6 +30,7 @@ from quadctl.effects.rotor_drag import LinearDrag
 from quadctl.effects.rotor_fault import FailingRotor, WeakRotor
 from quadctl.effects.rotor_interaction import FrontWake
 from quadctl.effects.rotor_reaction import InertialReaction
+from quadctl.effects.tether import HangingTether
 from quadctl.effects.thrust_curve import PowerCurve
 from quadctl.effects.thrust_map import LineMap, VoltageMap
 from quadctl.effects.thrust_scale import ConstantScale
@@ -38,7 +39,7 @@ from quadctl.effects.translational_lift import HorizontalLift
 from quadctl.effects.wind import Push, SteadyWind, WindOfBothDrags, WindOfEachFlight
 from quadctl.errors import SettingsError
 from quadctl.export.centred import centred
-from quadctl.frames import Quaternion, multiply, quaternion_from_euler, rotate, rotate_inverse
+from quadctl.frames import GRAVITY_M_S2, Quaternion, multiply, quaternion_from_euler, rotate, rotate_inverse
 from quadctl.model import Model
 from quadctl.sitl.vehicle.body import SimulatedBody
 from quadctl.vehicle import Vehicle
@@ -739,6 +740,37 @@ def test_the_levelling_that_a_ground_effect_on_each_rotor_gives_is_implied_by_it
     assert as_much.implied_by([ground], flights, raptor)
     assert not as_much.implied_by([], flights, raptor)
     assert not dataclasses.replace(as_much, stiffness=4.0 * as_much.stiffness).implied_by([ground], flights, raptor)
+
+
+def test_a_moment_that_an_inflow_on_each_rotor_gives_is_implied_by_it(raptor: Vehicle) -> None:
+    """A vehicle that flies to and fro at 0.3 Hz pitches at -0.06 rad/s per m/s. Its rotors at the arm x climb at -x q,
+    and lose k x q / v_h of their thrust: -k x^2 q / v_h T, a moment of 0.06 k x^2 / v_h per m/s and thrust."""
+    t = np.arange(0.0, 40.0, 0.1)
+    speed, zero = 2.0 * np.sin(0.6 * np.pi * t), np.zeros_like(t)
+    level, rates = (zero + 1.0, zero, zero, zero), (zero, -0.06 * speed, zero)
+    flights = [Conditions(zero + 3.0, (speed, zero, zero), level, t, rates_rad_s=rates)]
+    x2 = np.mean([rotor.position_m[0] ** 2 for rotor in raptor.rotors])
+    as_much = IsotropicMoment(k=1e3 * 0.06 * 0.4 * x2 / raptor.hover_induced_velocity_m_s)
+    assert as_much.implied_by([AxialInflow(0.4)], flights, raptor)
+    assert as_much.implied_by([LinearDrag(), AxialInflow(0.25)], flights, raptor)
+    assert not as_much.implied_by([AxialInflow(0.1)], flights, raptor)
+    assert not as_much.implied_by([LinearDrag()], flights, raptor)
+    assert not IsotropicMoment(-as_much.k).implied_by([AxialInflow(0.4)], flights, raptor)
+
+
+def test_a_cable_shows_where_heights_are_flown(raptor: Vehicle) -> None:
+    climbs, held = (array_conditions(np.linspace(0.0, span, 50)) for span in (1.0, 0.4))
+    assert HangingTether(0.1).distinct([climbs], raptor)
+    assert not HangingTether(0.1).distinct([held], raptor)
+    assert HangingTether(0.1).distinct([held, climbs], raptor)
+
+
+def test_an_inflow_as_small_as_a_drag_that_does_not_count_is_negligible(raptor: Vehicle) -> None:
+    """At the induced velocity of hover a drag d along body z is an inflow of d v_h / g."""
+    per_drag = raptor.hover_induced_velocity_m_s / GRAVITY_M_S2
+    for drag, counts in ((0.02, False), (0.09, True)):
+        assert LinearDrag(0.0, 0.0, drag).negligible() is not counts
+        assert AxialInflow(drag * per_drag).negligible() is not counts
 
 
 def test_a_small_scale_beside_a_sag_is_its_reference_voltage(raptor: Vehicle) -> None:

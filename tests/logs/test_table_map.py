@@ -152,7 +152,18 @@ def nanobench(log: FlightLog) -> pl.DataFrame:
     return pl.DataFrame(cells | {"pwr_pm_vbat": table["vbat"]})
 
 
-LAYOUTS = {"neurobem": neurobem, "tii_ratm": tii_ratm, "nanobench": nanobench}
+def nanodrone(log: FlightLog) -> pl.DataFrame:
+    """The flight in the columns of IDSIA's nano-drone benchmark that its map names: 100 Hz, motor speeds in rad/s."""
+    table = foreign(log)
+    cells: dict[str, Any] = {"t": log.time_s}
+    for theirs, ours in (("{}", "pos {}"), ("v{}", "vel {}"), ("w{}", "gyro {}"), ("a{}", "acc {}")):
+        cells |= {theirs.format(axis): table[ours.format(axis)] for axis in "xyz"}
+    cells |= {f"q{part}": table[f"q {part}"] for part in "xyzw"}
+    cells |= {f"m{i}_rads": table[f"mot {i}"] for i in range(1, 5)}
+    return pl.DataFrame(cells | {"Vbat": table["vbat"]})
+
+
+LAYOUTS = {"neurobem": neurobem, "tii_ratm": tii_ratm, "nanobench": nanobench, "nanodrone": nanodrone}
 """A flight in the columns of each public data set whose map ships with quadctl."""
 
 

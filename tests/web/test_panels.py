@@ -24,6 +24,7 @@ from quadctl.effects.thrust_scale import ConstantScale
 from quadctl.lab.comparison.failures import Failure, Stretch
 from quadctl.lab.comparison.remainder import Remainder
 from quadctl.lab.comparison.wording import number, quantity, share_of_g
+from quadctl.lab.evidence import evidence_for
 from quadctl.lab.finding import Finding
 from quadctl.lab.finding import Kind as Found
 from quadctl.lab.fitting.fitted_model import fit_model
@@ -33,7 +34,6 @@ from quadctl.lab.flights.prediction import GROUPS
 from quadctl.lab.flights.vehicle_match import weight_doubt
 from quadctl.lab.selection import diagnosis as lab_diagnosis
 from quadctl.lab.selection.diagnosis import diagnose
-from quadctl.lab.selection.evidence import evidence_for
 from quadctl.lab.selection.unseen import UnseenError
 from quadctl.lab.selection.wording import rival_of
 from quadctl.lab.study import Study
@@ -1009,7 +1009,7 @@ class TestOpenTab:
     ) -> None:
         view = views["at first"]
         shown = str(tabs("missing", view).shown)
-        assert "Held-out acceleration error: " in shown
+        assert "Held-out acceleration error, " in shown
         assert "% held-out acceleration error" in shown
         assert "% since rigid body" in shown
         held = str(tabs("missing", views["a flight held out"]).shown)

@@ -37,8 +37,8 @@ class Kind(Kinds, words=_WORDS):
     MISSION = (
         "{name}, {duration_s:.0f} s",
         By("time_scale", {1.0: ""}, " (times {time_scale:g}-fold)"),
-        " in {phases} phases, heights {lowest_m:.2f} to {highest_m:.2f} m within its limits of {min_z_m:g} to "
-        "{max_z_m:g} m",
+        " in {phases} phases, heights {lowest_m:.2f} to {highest_m:.2f} m within the mission's limits of "
+        "{min_z_m:g} to {max_z_m:g} m",
         When("until", "; it ends earlier once the flight knows {until:shares}"),
     )
     NO_COMPENSATOR = "none"
@@ -60,7 +60,7 @@ class Kind(Kinds, words=_WORDS):
     GUARD_ABOVE_CEILING = "the guard ends a climb at z = {guard_m:g} m (max_z_m + margin_m), which is above it"
     FENCE = "{farthest_m:.2f} m from take-off at most; beyond {fence_m:g} m quadctl lands"
     SPEED = (
-        "up to {top_m_s:.2f} m/s (climb {climb_m_s:.2f}, descent {descent_m_s:.2f}, without jumps of the reference) "
+        "up to {top_m_s:.2f} m/s (climb {climb_m_s:.2f}, descent {descent_m_s:.2f}, setpoint steps not counted) "
         + _WHERE
         + "; above {most_m_s:g} m/s quadctl lands"
     )
@@ -100,8 +100,8 @@ class Kind(Kinds, words=_WORDS):
     NOT_AHEAD = "look_ahead is false: the reference is fed forward at its own time"
     AHEAD = "the force to the side follows {lag_s:.2f} s later, and the reference is looked at ahead"
     NO_RESPONSE = (
-        "the lag of the attitude is not known ('{vehicle}' has no attitude_response): the reference is not looked at "
-        "ahead, and the vehicle follows late; `quadctl fit` finds it in a log of the mission `excitation`"
+        "lag not known ('{vehicle}' has no attitude_response): no look-ahead of the reference, so the vehicle is late; "
+        "`quadctl fit` finds the lag in a log of the mission `excitation`"
     )
     NO_DRAG = "lag {lag_s:.2f} s, but no drag in the model: no look-ahead of the reference, so the vehicle is late"
     LAG_NOT_SHOWN = "{log} does not show the lag"

@@ -105,11 +105,11 @@ class Comparison(Result):
             lines.append(self.agreement.said)
         if self.fails_where:
             shown = told(self.fails_where, SHOWN_FAILURES)
-            lines.append("Where the model fails, the largest share of the error first:")
+            lines.append("Where the model fails, the largest share of the error first (sigma: standard errors):")
             lines += [f"  - {failure.said} ({abs(failure.sigma):.0f} sigma)" for failure in shown]
             if len(self.fails_where) > SHOWN_FAILURES:
                 lines.append(
-                    f"  - {count(len(self.fails_where) - SHOWN_FAILURES, 'more range')} (see --json or --html)"
+                    f"  - {count(len(self.fails_where) - SHOWN_FAILURES, 'more line')} like these: --json, --html"
                 )
             more = (followed(shown, self.dataset), unexplained(self.fails_where, self.rmse))
             lines += [said for said in more if said is not None]

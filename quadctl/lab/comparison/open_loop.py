@@ -76,7 +76,7 @@ def open_loop_table(by_horizon: Sequence[OpenLoop]) -> Table:
     """Table of the errors of position and velocity, with those of a constant velocity for comparison."""
     table = Table(title="Open-loop prediction, error (RMSE)", title_justify="left")
     table.add_column("after")
-    for name in ("horizontal,\nm", "up,\nm", "position,\nm [95 %]", "velocity,\nm/s", "at constant\nvelocity, m"):
+    for name in ("horizontal,\nm", "up,\nm", "position,\nm [95 %]", "velocity,\nm/s", "velocity held,\nm"):
         table.add_column(name, justify="right", no_wrap=True)
     for e in by_horizon:
         parts = (e.position["horizontal"], e.position["up"])

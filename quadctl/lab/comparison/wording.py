@@ -76,20 +76,22 @@ def parameters_in_text(effect: Effect, ci95: Mapping[str, tuple[float, float]]) 
     return ", ".join(parts) or NO_PARAMETERS
 
 
-def parameter_lines(effect: Effect, ci95: Mapping[str, tuple[float, float]]) -> list[str]:
-    """Parameters with 95 % intervals, one a line: `a = 0.114 [0.10, 0.12]`.
+def parameter_lines(parameters: Mapping[str, Mapping[str, Any]]) -> list[str]:
+    """Parameters, as `parameters_of` gives them, with 95 % intervals, one a line: `a = 0.114 [0.10, 0.12]`.
 
-    One that is not fitted, but chosen from the data or from the literature, has no interval: `rotor = 1`.
+    One that was chosen beside those that were fitted, from the data or from the literature: `c = 1 (chosen)`.
     """
+    are_fitted = any(p["ci95"] for p in parameters.values())
+    others = " (chosen)" if are_fitted else ""
     return [
-        f"{name} = {value:.4g} {interval_in_words(value, ci95[name])}" if name in ci95 else f"{name} = {value:.4g}"
-        for name, value in effect.values().items()
+        f"{name} = {p['value']:.4g}" + (f" {interval_in_words(p['value'], tuple(p['ci95']))}" if p["ci95"] else others)
+        for name, p in parameters.items()
     ]
 
 
-def parameters_in_words(effect: Effect, ci95: Mapping[str, tuple[float, float]]) -> str:
-    """Parameters with 95 % intervals: `a = 0.114 [0.10, 0.12], b = 5.4 [5.0, 5.8], c = 1` (see `parameter_lines`)."""
-    return ", ".join(parameter_lines(effect, ci95)) or "-"
+def parameters_in_words(parameters: Mapping[str, Mapping[str, Any]]) -> str:
+    """Parameters with 95 % intervals in one line: `a = 0.114 [0.10, 0.12], c = 1 (chosen)`."""
+    return ", ".join(parameter_lines(parameters)) or "no parameters"
 
 
 def interval_in_words(value: float, ci95: tuple[float, float], shown: Callable[[float], str] = "{:.4g}".format) -> str:
@@ -228,7 +230,7 @@ class Said(Kinds, words=Words(FORMATS)):
         When(
             "average",
             (
-                " (on average over the flight by ",
+                " (its average over the flight: ",
                 By("axis", {"up": "{average_share:.1%}"}, "{average_m_s2:.2f} m/s²"),
                 ")",
             ),
@@ -247,7 +249,7 @@ class Said(Kinds, words=Words(FORMATS)):
         By("one", {True: "changes"}, "change"),
         " mostly because the controller counters disturbances: a residual that depends on ",
         By("one", {True: "it"}, "them"),
-        " may come from the controller, and not from a missing effect.",
+        " may come from the controller instead of a missing effect.",
     )
     UNEXPLAINED = "Along {axes:listed} no logged variable explains much of the error."
     ERROR_ALONG = "{axis} ({error_m_s2:m/s²}, {share:percent} of the squared error)"
@@ -309,7 +311,7 @@ class Said(Kinds, words=Words(FORMATS)):
     THRUST_ASSUMED = "{names:Listed} assumed: a wrong mass or thrust would look the same"
     ASSUMED = "Assumed, and not measured: {names:listed}"
     OPEN_LOOP = (
-        "After {horizon_s:g} s the predicted position is off by {position} (at constant velocity: {held_m:.3g} m)."
+        "After {horizon_s:g} s the predicted position is off by {position} (velocity held constant: {held_m:.3g} m)."
     )
     LOOKS_LIKE = "Looks like {families:families}: these data do not distinguish them."
 

@@ -5,7 +5,7 @@ each other, not with those of another flight. The nuisances are eliminated fligh
 time and memory are linear in the number of flights.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import TypeVar
 
 import numpy as np
@@ -38,6 +38,7 @@ class Arrow:
     """Part of `b` for the shared unknowns, shape (..., p)."""
     own_rhs: Floats
     """Part of `b` for each flight's unknowns, shape (..., flights, k)."""
+    _kept: dict[bytes, tuple[Floats, Floats, Floats, Floats]] = field(default_factory=dict, init=False)
 
     @classmethod
     def of_gram_matrices(cls, gram: Floats, p: int) -> "Arrow":
@@ -80,14 +81,22 @@ class Arrow:
         """Solve for x with all unknowns outside the mask `free`, shape (p + flights * k,), kept at 0; shape (..., p +
         flights * k)."""
         shared_free, own_free = self._parted(free)
-        own = _only(own_free, self.own)
-        right = np.concatenate([self.coupled, self.own_rhs[..., None]], axis=-1) * own_free[..., None]
-        solved = np.linalg.solve(own, right)
-        by_shared, alone = solved[..., :-1], solved[..., -1]
-        reduced = self.shared - np.einsum("...fkp,...fkq->...pq", self.coupled, by_shared)
-        rhs = self.shared_rhs - np.einsum("...fkp,...fk->...p", self.coupled, alone)
-        shared = np.linalg.solve(_only(shared_free, reduced), (rhs * shared_free)[..., None])[..., 0]
+        by_shared, alone, reduced, rhs = self._eliminated(own_free)
+        shared = np.asarray(np.linalg.solve(_only(shared_free, reduced), (rhs * shared_free)[..., None])[..., 0])
         return self._joined(shared, alone - np.einsum("...fkp,...p->...fk", by_shared, shared))
+
+    def _eliminated(self, own_free: Mask) -> tuple[Floats, Floats, Floats, Floats]:
+        """Unknowns of the flights by the shared ones, and alone; then the equations that are left of the shared ones.
+        They are kept: draws are solved with several masks of the shared unknowns."""
+        key = own_free.tobytes()
+        if key not in self._kept:
+            right = np.concatenate([self.coupled, self.own_rhs[..., None]], axis=-1) * own_free[..., None]
+            solved = np.linalg.solve(_only(own_free, self.own), right)
+            by_shared, alone = solved[..., :-1], solved[..., -1]
+            reduced = self.shared - np.einsum("...fkp,...fkq->...pq", self.coupled, by_shared)
+            rhs = self.shared_rhs - np.einsum("...fkp,...fk->...p", self.coupled, alone)
+            self._kept[key] = by_shared, alone, reduced, rhs
+        return self._kept[key]
 
     def within(self, low: Floats, high: Floats) -> Floats:
         """Minimise x a x / 2 - b x subject to `low` <= x <= `high`, where `low` <= 0 <= `high`; shape (p + flights *

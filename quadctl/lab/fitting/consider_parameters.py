@@ -36,11 +36,27 @@ def consider_jacobian(model: Model, flight: Flight, groups: Sequence[str], predi
 
 
 def considered_changes(model: Model, flight: Flight, groups: Sequence[str], predicted: Floats) -> Iterator[Floats]:
-    """Change of the prediction by one standard deviation of each considered error, one by one, shape (n, axes)."""
+    """Change of the prediction by one standard deviation of each considered error, one by one, shape (n, axes).
+
+    The form of an effect on the thrust may be off by a constant, and the airspeed, on which the forces on the body
+    depend, by a factor: both change the acceleration alone, which is the first of the groups where it is among them.
+    """
     for disturbed in _disturbed_flights(flight):
         yield predict_targets(model, disturbed, groups) - predicted
-    yield from _form_errors(model, flight, groups, predicted)
-    yield from _airspeed_errors(model, flight, groups, predicted)
+    of_acceleration = predicted[:, : len(AXES)] if "total" in groups else None
+    for effect in model.effects:
+        if effect.depends_on and not effect.adds_lag and effect in model.effects_on_thrust:
+            found = np.zeros_like(predicted)
+            if of_acceleration is not None:
+                does = (of_acceleration - predict(model.without(effect), flight))[:, UP]
+                found[:, UP] = FORM * np.sqrt(np.mean(does**2))
+            yield found
+    for effect in model.effects:
+        if effect in model.effects_on_body and {"speed_forward", "speed_right"} & set(effect.depends_on):
+            found = np.zeros_like(predicted)
+            if of_acceleration is not None:
+                found[:, : len(AXES)] = AIRSPEED * (of_acceleration - predict(model.without(effect), flight))
+            yield found
 
 
 def _disturbed_flights(flight: Flight) -> Iterator[Flight]:
@@ -58,32 +74,3 @@ def _disturbed_flights(flight: Flight) -> Iterator[Flight]:
     c = flight.conditions
     for along in c.position_ne_m:
         yield replace(flight, conditions=replace(c, height_m=c.height_m - GROUND_SLOPE * along))
-
-
-def _form_errors(model: Model, flight: Flight, groups: Sequence[str], predicted: Floats) -> Iterator[Floats]:
-    """Change of the prediction where the form of each effect on the thrust is off by a constant; of the acceleration
-    alone, which is the first of the groups where it is among them."""
-    for i, effect in enumerate(model.effects):
-        if not effect.depends_on or effect.adds_lag or effect not in model.effects_on_thrust:
-            continue
-        found = np.zeros_like(predicted)
-        if "total" in groups:
-            does = predicted[:, UP] - predict(_without(model, i), flight)[:, UP]
-            found[:, UP] = FORM * np.sqrt(np.mean(does**2))
-        yield found
-
-
-def _airspeed_errors(model: Model, flight: Flight, groups: Sequence[str], predicted: Floats) -> Iterator[Floats]:
-    """Change of the prediction where the airspeed, on which the forces on the body depend, is off by a factor; of the
-    acceleration alone, as above."""
-    for i, effect in enumerate(model.effects):
-        if effect in model.effects_on_body and {"speed_forward", "speed_right"} & set(effect.depends_on):
-            found = np.zeros_like(predicted)
-            if "total" in groups:
-                acceleration = predicted[:, : len(AXES)]
-                found[:, : len(AXES)] = AIRSPEED * (acceleration - predict(_without(model, i), flight))
-            yield found
-
-
-def _without(model: Model, effect: int) -> Model:
-    return replace(model, stack=(*model.stack[:effect], *model.stack[effect + 1 :]))

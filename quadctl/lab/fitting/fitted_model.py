@@ -1,21 +1,22 @@
 """The value that a fit returns: a model fitted to flights, with its intervals and its held-out error."""
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
-from quadctl.effects import Effect
+import numpy as np
+
 from quadctl.lab.arrays import Floats
 from quadctl.lab.fitting.fitter import Fitter, Optimum
-from quadctl.lab.fitting.nuisances import captured_leans_deg
+from quadctl.lab.fitting.nuisances import moments_beyond_usual
 from quadctl.lab.fitting.parameters import (
     Free,
     free_parameters,
     intervals,
     is_at_bound,
+    is_undetermined,
     leaves_out_zero,
     remarks,
-    undetermined,
     values_of,
 )
 from quadctl.lab.flights.dataset import Dataset
@@ -87,6 +88,17 @@ class FittedModel:
         return rmse(self.held_out_residual, self.dataset.groups)
 
     @cached_property
+    def unusual_moments(self) -> Floats | None:
+        """Held-out residual of the moments, with what the nuisances take of them beyond the usual, N m, shape (n, 3);
+        None without moments."""
+        groups = self.dataset.groups
+        if "turning" not in groups:
+            return None
+        first = 3 * groups.index("turning")
+        beyond = moments_beyond_usual(self.flights, self.optimum.nuisances)
+        return np.asarray(self.held_out_residual[:, first : first + 3] + beyond)
+
+    @cached_property
     def draws(self) -> Floats:
         """Bootstrap draws of the fitted parameters, shape (draws, p)."""
         return self.fitter.bootstrap(self.optimum)
@@ -95,11 +107,6 @@ class FittedModel:
     def intervals(self) -> list[tuple[float, float]]:
         """95 % interval of each fitted parameter."""
         return intervals(self.free, values_of(self.model, self.free), self.draws)
-
-    @property
-    def captured_leans_deg(self) -> dict[str, tuple[float, float]]:
-        """Errors of the attitudes of a motion capture (see `nuisances.captured_leans_deg`)."""
-        return captured_leans_deg(self.flights, self.optimum.nuisances)
 
     def relabelled(self, model: Model) -> "FittedModel":
         """The same fit as that of `model`, which differs in its name and files only."""
@@ -112,27 +119,29 @@ class FittedModel:
 
     def ci95(self, effect: int) -> dict[str, tuple[float, float]]:
         """95 % intervals of the fitted parameters of one effect of the stack, by their names."""
-        return {f.parameter.name: ci for f, ci in zip(self.free, self.intervals, strict=True) if f.effect == effect}
+        return {f.parameter.name: ci for f, _, ci in self._own(effect)}
 
     def remarks(self, effect: int | None = None) -> list[str]:
         """Remarks on the fitted parameters (see `parameters.remarks`); only those of one effect where `effect` is
         given."""
-        own = [(f, ci) for f, ci in zip(self.free, self.intervals, strict=True) if effect in (None, f.effect)]
-        free = [f for f, _ in own]
-        return remarks(free, values_of(self.model, free), [ci for _, ci in own])
+        return [said for own in self._own(effect) for said in remarks(*own)]
 
     def at_bound(self, effect: int) -> bool:
         """Tell whether a parameter of one effect of the stack ran into a bound."""
-        free = [f for f in self.free if f.effect == effect]
-        return any(is_at_bound(f, value) for f, value in zip(free, values_of(self.model, free), strict=True))
+        return any(is_at_bound(f, value) for f, value, _ in self._own(effect))
 
     def determined(self, effect: int) -> bool:
         """Tell whether the data determine at least one parameter of one effect of the stack, or it has none; and show
         that one of its essential parameters is not 0, if it has such."""
-        own = [(f, ci) for f, ci in zip(self.free, self.intervals, strict=True) if f.effect == effect]
+        own = [(f, ci) for f, _, ci in self._own(effect)]
         essential = [(f, ci) for f, ci in own if f.parameter.name in self.model.effects[effect].essential]
         shown = not essential or any(leaves_out_zero(f, ci) for f, ci in essential)
-        return shown and (not own or len(undetermined([f for f, _ in own], [ci for _, ci in own])) < len(own))
+        return shown and (not own or not all(is_undetermined(f, ci) for f, ci in own))
+
+    def _own(self, effect: int | None) -> list[tuple[Free, float, tuple[float, float]]]:
+        """Fitted parameters of one effect of the stack, or of all, each with its value and its interval."""
+        every = zip(self.free, values_of(self.model, self.free).tolist(), self.intervals, strict=True)
+        return [item for item in every if effect in (None, item[0].effect)]
 
 
 def fit_model(model: Model, dataset: Dataset) -> FittedModel:
@@ -143,9 +152,11 @@ def fit_model(model: Model, dataset: Dataset) -> FittedModel:
     return FittedModel(fitter, optimum, dataset.targets - fitter.held_out(optimum))
 
 
-def fit_as_it_stands(model: Model, dataset: Dataset) -> FittedModel:
-    """Fit the nuisances of the flights of `dataset` alone: the parameters of `model` stay."""
-    return fit_model(model.with_effects([_standing(effect) for effect in model.effects]), dataset)
+def fit_as_it_stands(model: Model, dataset: Dataset, freed: Collection[int] = ()) -> FittedModel:
+    """Fit the nuisances of the flights of `dataset`: the parameters of `model` stay, but those of the effects whose
+    places in the stack are `freed`."""
+    stack = tuple(replace(item, held=i not in freed) for i, item in enumerate(model.stack))
+    return fit_model(replace(model, stack=stack), dataset)
 
 
 def is_fitted_to(model: Model, flights: Sequence[str]) -> bool:
@@ -153,10 +164,3 @@ def is_fitted_to(model: Model, flights: Sequence[str]) -> bool:
     others."""
     items = (model.stack[effect] for effect in {free.effect for free in free_parameters(model)})
     return all(item.fitted is not None and set(flights) <= set(item.fitted.logs) for item in items)
-
-
-def _standing(effect: Effect) -> Effect:
-    """Copy of an effect without free parameters."""
-    kind = type(effect)
-    fixed: type[Effect] = type(kind.__name__, (kind,), {"parameters": classmethod(lambda cls: ())})
-    return fixed(**effect.values())

@@ -418,7 +418,7 @@ class Fitter:
         p = len(self.free)
         lowest, highest = np.array(intervals(self.free, values, draws)).T
         found = np.zeros(p, dtype=bool)
-        for i in range(p):
+        for i in range(p if p > 1 else 0):
             at_bound = self._low[i] if lowest[i] <= self._low[i] else self._high[i]
             if lowest[i] <= self._low[i] or highest[i] >= self._high[i]:
                 model = with_values(self.model, self.free, np.where(np.arange(p) == i, at_bound, values))

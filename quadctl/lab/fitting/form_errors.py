@@ -7,15 +7,13 @@ random smooth function (Kennedy & O'Hagan 2001, J. R. Stat. Soc. B 63, on the di
 """
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from quadctl.lab.arrays import Floats
 from quadctl.lab.fitting.consider_parameters import FORM
 from quadctl.lab.fitting.fitted_model import FittedModel
-from quadctl.lab.flights.dataset import Dataset
-from quadctl.lab.flights.prediction import predict_targets
 from quadctl.lab.flights.velocity_scale import velocity_scale_errors
 
 WAVES = np.arange(1, 7)
@@ -43,20 +41,16 @@ class FormErrors:
         """Form errors of a fitted model."""
         dataset, model = fit.fitter.dataset, fit.model
         sizes, waves = [], []
-        for i, effect in enumerate(model.effects):
+        for effect in model.effects:
             varied = [x for name in effect.depends_on if (x := dataset.variable(name)) is not None and np.ptp(x) > 0.0]
             if not varied:
                 continue
-            without = replace(model, stack=(*model.stack[:i], *model.stack[i + 1 :]))
-            does = np.concatenate(
-                [
-                    predict_targets(model, flight, dataset.groups) - predict_targets(without, flight, dataset.groups)
-                    for flight in dataset.flights
-                ]
-            )
+            does = dataset.predicted_targets(model) - dataset.predicted_targets(model.without(effect))
             sizes.append(FORM * np.hypot(does, np.sqrt(np.mean(does**2, axis=0))))
             waves.append(np.concatenate([_waves(x) for x in varied], axis=1) / math.sqrt(len(varied)))
-        sizes.append(_of_acceleration(dataset))
+        of_acceleration = np.zeros(dataset.targets.shape)
+        of_acceleration[:, :3] = np.concatenate([f.measured * velocity_scale_errors(f) for f in dataset.flights])
+        sizes.append(of_acceleration)
         waves.append(np.ones((len(dataset.targets), 1)))
         return cls(tuple(sizes), tuple(waves))
 
@@ -65,13 +59,6 @@ class FormErrors:
         axes = weights.shape[1]
         sums = [(weights * size[:, :axes]).T @ waves for size, waves in zip(self.sizes, self.waves, strict=True)]
         return float(sum(np.sum(one**2) for one in sums))
-
-
-def _of_acceleration(dataset: Dataset) -> Floats:
-    """Error of the measured acceleration where the scale of the velocity is off, shape (n, 3 * groups)."""
-    found = np.zeros(dataset.targets.shape)
-    found[:, :3] = np.concatenate([flight.measured * velocity_scale_errors(flight) for flight in dataset.flights])
-    return found
 
 
 def _waves(x: Floats) -> Floats:

@@ -27,6 +27,7 @@ class Unmodelled:
         self.model: Model = fit.model
         self.dataset: Dataset = fit.dataset
         self.residual = fit.held_out_residual
+        self.fit = fit
         self.scale = _trusted(noise_scale(self.residual), fit.dataset)
         self.forms = FormErrors.of(fit)
         self._explained: dict[Effect, float] = {}
@@ -37,14 +38,11 @@ class Unmodelled:
         Negative where the factor is negative and the effect is not reversible. It is computed once for each effect.
         """
         if effect not in self._explained:
-            self._explained[effect] = self._explained_by(effect)
+            change = self._tangent.rest(self._change(effect))
+            along = float(np.vdot(change, self._left))
+            squared = along * (along if effect.reversible else abs(along))
+            self._explained[effect] = squared / max(float(np.vdot(change, change)), 1e-12)
         return self._explained[effect]
-
-    def _explained_by(self, effect: Effect) -> float:
-        change = self._tangent.rest(self._change(effect))
-        along = float(np.vdot(change, self._left))
-        squared = along * (along if effect.reversible else abs(along))
-        return squared / max(float(np.vdot(change, change)), 1e-12)
 
     def first_order_p_value(self, start: Effect) -> float:
         """p-value of what an effect explains to first order about `start`: by a factor on it and a change of each of
@@ -62,7 +60,8 @@ class Unmodelled:
             ]
         )
         changes = [self._change(start), *np.moveaxis(jacobian / self.scale[:, None], -1, 0)]
-        beside_trims = self._p_value_of(self._left_by_usual_trims, [self._usual_trims.rest(one) for one in changes])
+        left, *along = map(self._usual_trims.rest, ((dataset.targets - self._predicted) / self.scale, *changes))
+        beside_trims = self._p_value_of(left, along)
         return min(beside_trims, self._p_value_of(self.residual / self.scale, changes))
 
     def _p_value_of(self, left: Floats, changes: Sequence[Floats]) -> float:
@@ -95,10 +94,6 @@ class Unmodelled:
     @cached_property
     def _left(self) -> Floats:
         return self._tangent.rest((self.dataset.targets - self._predicted) / self.scale)
-
-    @cached_property
-    def _left_by_usual_trims(self) -> Floats:
-        return self._usual_trims.rest((self.dataset.targets - self._predicted) / self.scale)
 
 
 LEAST_SHARE_OF_MOMENT = 0.1

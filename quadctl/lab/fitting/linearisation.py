@@ -63,11 +63,11 @@ class _WidenedNoise:
 
     def __init__(self, columns: Floats) -> None:
         self._along, size, _ = np.linalg.svd(columns, full_matrices=False)
-        self._taken = 1.0 - 1.0 / np.sqrt(1.0 + size**2)
+        self._taken = self._along * (1.0 - 1.0 / np.sqrt(1.0 + size**2))
 
     def whitened(self, values: Floats) -> Floats:
         """Multiply `values`, shape (n,) or (n, columns), by (I + N N')^(-1/2)."""
-        return np.asarray(values - (self._along * self._taken) @ (self._along.T @ values))
+        return np.asarray(values - self._taken @ (self._along.T @ values))
 
 
 def _flat(jacobian: Floats) -> Floats:

@@ -80,11 +80,9 @@ def gradient_covariance(columns: Floats, weights: Floats) -> Floats:
     n, axes, m = columns.shape
     total = np.zeros((m - 1, m - 1))
     for axis in range(axes):
-        waves, taken = np.empty((n // 2 + 1, m - 1), dtype=complex), np.zeros(n // 2 + 1)
-        for i in range(m - 1):
-            waves[:, i] = rfft(columns[:, axis, i])
-            power = np.abs(waves[:, i]) ** 2 / n
-            taken += power / max(float(power.sum()), LEAST_VARIANCE)
+        waves = rfft(columns[:, axis, :-1], axis=0)
+        power = np.abs(waves) ** 2 / n
+        taken = (power / np.maximum(power.sum(axis=0), LEAST_VARIANCE)).sum(axis=1)
         size = density(weights[:, axis] * columns[:, axis, -1], taken)
         for here in slices(len(waves)):
             total += ((np.conj(waves[here]) * size[here, None]).T @ waves[here]).real

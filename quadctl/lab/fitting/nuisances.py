@@ -110,7 +110,7 @@ def captured_leans_deg(flights: Sequence[Flight], nuisances: Floats) -> dict[str
 def disturbed(flight: Flight, nuisance: Floats) -> Flight:
     """Correct the logged flight by its nuisance; predictions are made from the result."""
     scale, roll, pitch, height, delay_s = (float(value) for value in nuisance[:LEVELLING])
-    if is_captured(flight) and flight.trajectory is None:  # else it turns the measured force, too
+    if is_captured(flight) and not flight.tells_force:  # else it turns the measured force, too
         roll, pitch = roll + float(nuisance[CAPTURED][0]), pitch + float(nuisance[CAPTURED][1])
     if not any((scale, roll, pitch, height, delay_s)):
         return flight
@@ -149,7 +149,7 @@ def nuisance_jacobian(
         else:
             total[..., :FORCES] = nearby_jacobian
             total[..., HEIGHT] = _acceleration_derivative(model, flight, acceleration, HEIGHT)
-        if is_captured(flight) and flight.trajectory is None:
+        if is_captured(flight) and not flight.tells_force:
             total[..., CAPTURED] = total[..., TRIM]
     if "turning" in groups:
         first = 3 * groups.index("turning")
@@ -173,7 +173,7 @@ def acceleration_jacobian(model: Model, flight: Flight, predicted: Floats, out: 
 
 
 def _acceleration_derivative(model: Model, flight: Flight, predicted: Floats, i: int) -> Floats:
-    if flight.trajectory is not None and i in (LEVELLING, SLOW_LEVELLING):
+    if flight.tells_force and i in (LEVELLING, SLOW_LEVELLING):
         return np.zeros((len(predicted), 3))
     if i == LEVELLING:
         return _leant(predicted[:, :3], 1.0) - predicted[:, :3]
@@ -202,7 +202,7 @@ def predicted_with(model: Model, flight: Flight, nuisance: Floats, groups: Seque
     if "sensing" in predicted and is_captured(flight) and nuisance[CAPTURED].any():
         predicted["sensing"] = predicted["sensing"] + sensed_by_wrong_attitude(flight, nuisance)
     total = predict(model, disturbed(flight, nuisance))
-    if flight.trajectory is None:
+    if not flight.tells_force:
         total = _leant(total, float(nuisance[LEVELLING]))
         # An estimator that averages its accelerometer over seconds is wrong by what lasts so long, whatever the model
         # says.
@@ -228,6 +228,15 @@ def sensed_by_wrong_attitude(flight: Flight, nuisance: Floats) -> Floats:
 def rotor_moments_n_m(flight: Flight) -> Floats:
     """Moment by which each moment's nuisance of 1 acts: roll, pitch, yaw, shape (n, 3)."""
     return np.asarray(np.outer(flight.load, moment_per_load(flight.vehicle)))
+
+
+def moments_beyond_usual(flights: Sequence[Flight], nuisances: Floats) -> Floats:
+    """Moments that the nuisances of the flights take beyond the bounds in `KINDS`, as a centre of mass that is off by
+    millimetres does where the arms are short: roll, pitch, yaw, N m, shape (n, 3); `nuisances` has shape (flights,
+    kinds)."""
+    taken, usual = nuisances[:, MOMENTS], BOUND[MOMENTS]
+    beyond = taken - np.clip(taken, -usual, usual)
+    return np.concatenate([more * rotor_moments_n_m(flight) for flight, more in zip(flights, beyond, strict=True)])
 
 
 def moment_per_load(vehicle: Vehicle) -> Floats:

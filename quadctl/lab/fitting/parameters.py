@@ -94,9 +94,12 @@ def intervals(free: Sequence[Free], values: Floats, draws: Floats) -> list[tuple
 
 
 def undetermined(free: Sequence[Free], ci: Sequence[tuple[float, float]]) -> list[Free]:
-    """Parameters whose intervals span more than `UNDETERMINED` of their range."""
-    ranges = [f.parameter.high - f.parameter.low for f in free]
-    return [f for f, (low, high), span in zip(free, ci, ranges, strict=True) if high - low > UNDETERMINED * span]
+    return [f for f, own in zip(free, ci, strict=True) if is_undetermined(f, own)]
+
+
+def is_undetermined(free: Free, ci: tuple[float, float]) -> bool:
+    """Tell whether an interval spans more than `UNDETERMINED` of the range of its parameter."""
+    return ci[1] - ci[0] > UNDETERMINED * (free.parameter.high - free.parameter.low)
 
 
 AT_BOUND = 1e-3
@@ -122,17 +125,14 @@ def leaves_out_zero(free: Free, ci: tuple[float, float]) -> bool:
     return ci[0] > near or ci[1] < -near
 
 
-def remarks(free: Sequence[Free], values: Floats, ci: Sequence[tuple[float, float]]) -> list[str]:
-    """Remarks for the user on the fitted parameters: at a bound, or not determined by these data."""
-    found = []
-    for f, value, (low, high) in zip(free, values, ci, strict=True):
-        p = f.parameter
-        if is_at_bound(f, value) and value > 0.5 * (p.low + p.high):
-            found.append(f"{p.name} is at its upper bound {p.high:g}: the form is wrong, or the data do not show it")
-        elif value - p.low < AT_BOUND * (p.high - p.low) and p.low == 0.0:
-            found.append(f"{p.name} is 0: these data do not show it")
-        elif is_at_bound(f, value):
-            found.append(f"{p.name} is at its lower bound {p.low:g}: the form is wrong, or the data do not show it")
-        if undetermined([f], [(low, high)]):
-            found.append(f"{p.name} is not determined by these data: its interval spans most of its range")
+def remarks(free: Free, value: float, ci: tuple[float, float]) -> list[str]:
+    """Remarks for the user on a fitted parameter: at a bound, or not determined by these data."""
+    p, found = free.parameter, []
+    if is_at_bound(free, value):
+        end, bound = ("upper", p.high) if value > 0.5 * (p.low + p.high) else ("lower", p.low)
+        found.append(f"{p.name} is at its {end} bound {bound:g}: the form is wrong, or the data do not show it")
+    elif value - p.low < AT_BOUND * (p.high - p.low):
+        found.append(f"{p.name} is 0: these data do not show it")
+    if is_undetermined(free, ci):
+        found.append(f"{p.name} is not determined by these data: its interval spans most of its range")
     return found

@@ -14,6 +14,7 @@ import numpy as np
 from scipy.fft import rfft, rfftfreq
 
 from quadctl.lab.arrays import Floats
+from quadctl.lab.fitting.flexible_regression import turned_by
 from quadctl.lab.flights.flight import Flight
 from quadctl.lab.flights.prediction import AXES, predict
 from quadctl.model import Model
@@ -35,13 +36,13 @@ def weakening(model: Model, flight: Flight, predicted: Floats, residual: Floats)
     pushing = (effect.depends_on for effect in model.effects_on_body)
     if not any({"speed_forward", "speed_right"} & set(names) for names in pushing):
         return change
-    heading = np.cos(flight.heading_rad), np.sin(flight.heading_rad)
     for axis, name in enumerate(("speed_forward", "speed_right")):
         by_velocity = _change_by_velocity(model, flight, predicted, axis)
         velocity = flight.variables[name]
-        rate = -np.vdot(_along(by_velocity, heading, axis), velocity) / (np.vdot(velocity, velocity) + LEAST_VARIANCE)
+        along, left = (turned_by(a[:, :2], -flight.heading_rad)[:, axis] for a in (by_velocity, residual))
+        rate = -np.vdot(along, velocity) / (np.vdot(velocity, velocity) + LEAST_VARIANCE)
         if rate > 0.0:
-            share = error_share(velocity, _along(residual, heading, axis), float(rate), flight.time_s)
+            share = error_share(velocity, left, float(rate), flight.time_s)
             change[:, : len(AXES)] += share * by_velocity
     return change
 
@@ -64,10 +65,3 @@ def _change_by_velocity(model: Model, flight: Flight, predicted: Floats, axis: i
     scaled = tuple(v * (1.0 + STEP) if i == axis else v for i, v in enumerate(c.velocity_body_m_s))
     moved = replace(flight, conditions=replace(c, velocity_body_m_s=scaled))
     return np.asarray((predict(model, moved) - predicted[:, : len(AXES)]) / STEP)
-
-
-def _along(acceleration: Floats, heading: tuple[Floats, Floats], axis: int) -> Floats:
-    """Component of an acceleration, shape (n, at least 2), forward (0) or to the right (1), shape (n,)."""
-    cos, sin = heading
-    north, east = acceleration[:, 0], acceleration[:, 1]
-    return np.asarray(cos * north + sin * east if axis == 0 else cos * east - sin * north)

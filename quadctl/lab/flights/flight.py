@@ -159,8 +159,8 @@ class Flight:
     velocity_lag_s: float = 0.0
     """Lag of the logged velocity behind the position, s, which has been taken out."""
     trajectory: Floats | None = None
-    """Filtered kinematic acceleration by the velocity, as `measured`, where that is by the accelerometer (see
-    `by_force`); None where it is by the velocity itself."""
+    """Filtered kinematic acceleration by the velocity, as `measured`, where an axis of that is by the accelerometer
+    (see `by_force` and `by_accelerometer`); None where it is by the velocity itself."""
     doubted_axes: tuple[int, ...] = ()
     """Axes of `measured` along which the velocity is wrong, so that the accelerometer tells the acceleration."""
     changes_s: tuple[float, ...] = ()
@@ -217,14 +217,14 @@ class Flight:
         """Copy of the flight with its rotor signal read `delay_s` later."""
         if delay_s == 0.0:
             return self
-        nominal = [self.later(thrust, delay_s) for thrust in self.nominal_n]
+        nominal = list(self.later(np.array(self.nominal_n), delay_s))
         return replace(self, nominal_n=nominal, delay_s=self.delay_s + delay_s)
 
     def with_rotor_delay(self, delay_s: float) -> "Flight":
         """Copy of the flight whose rotor signal is read `delay_s` later than it was logged."""
         if delay_s == self.delay_s:
             return self
-        return replace(self, nominal_n=[self.later(n, delay_s) for n in self.logged_n], delay_s=delay_s)
+        return replace(self, nominal_n=list(self.later(np.array(self.logged_n), delay_s)), delay_s=delay_s)
 
     def with_velocity_lag(self, lag_s: float) -> "Flight":
         """Copy of the flight whose velocity is read `lag_s` later than it was logged."""
@@ -237,9 +237,10 @@ class Flight:
             conditions=replace(c, velocity_body_m_s=rotate_inverse(c.attitude, (north, east, -up))),
             measured=np.column_stack([self.derivative @ v for v in (north, east, up)]),
             trajectory=None,
+            doubted_axes=(),
             velocity_lag_s=lag_s,
         )
-        return later.by_accelerometer(self.doubted_axes) if self.trajectory is None else later.by_force()
+        return later.by_force() if self.tells_force else later.by_accelerometer(self.doubted_axes)
 
     def by_force(self) -> "Flight":
         """Copy of the flight whose acceleration is that of the accelerometer: the force on the body over its mass.
@@ -250,19 +251,24 @@ class Flight:
         return self if self.sensed is None else replace(self, measured=self.sensed, trajectory=self.motion)
 
     @property
+    def tells_force(self) -> bool:
+        """True where the accelerometer tells the acceleration along all axes (see `by_force`)."""
+        return self.trajectory is not None and not self.doubted_axes
+
+    @property
     def motion(self) -> Floats:
         """Filtered kinematic acceleration by the velocity, north, east, up, m/s^2, shape (n, 3)."""
         return self.measured if self.trajectory is None else self.trajectory
 
     def by_accelerometer(self, axes: tuple[int, ...]) -> "Flight":
         """Copy of the flight whose acceleration along some axes is that of the accelerometer; its mean stays that of
-        the velocity, so that an offset of the accelerometer counts for nothing."""
+        the velocity, which is off by less than an accelerometer may be."""
         if not axes or self.sensed is None:
             return self
         measured = self.measured.copy()
         for axis in axes:
             measured[:, axis] = self.sensed[:, axis] + np.mean(self.measured[:, axis] - self.sensed[:, axis])
-        return replace(self, measured=measured, doubted_axes=axes)
+        return replace(self, measured=measured, trajectory=self.motion, doubted_axes=axes)
 
     @property
     def duration_s(self) -> float:
@@ -272,8 +278,9 @@ class Flight:
     @property
     def imu_error(self) -> Floats | None:
         """Filtered acceleration by the accelerometer minus `motion`, north, east, up, m/s^2, shape (n, 3); None
-        without one, or where it tells the acceleration itself."""
-        return None if self.sensed is None or self.doubted_axes else self.sensed - self.motion
+        without one. Along doubted axes, too: a velocity that is wrong changes by no more over a flight, but an offset
+        of the accelerometer stays."""
+        return None if self.sensed is None else self.sensed - self.motion
 
     @property
     def velocity_up(self) -> Floats:
@@ -281,15 +288,22 @@ class Flight:
         return self.later(self.velocity_neu[2], self.velocity_lag_s)
 
     def later(self, signal: Floats, delay_s: float) -> Floats:
-        """Signal on the grid read `delay_s` later, by linear interpolation; constant beyond its ends."""
+        """Signal on the grid, shape (m,) or (signals, m), read `delay_s` later, by linear interpolation; constant
+        beyond its ends."""
         if delay_s == 0.0:
             return signal
         steps = delay_s / (self.grid_s[1] - self.grid_s[0])
-        whole, n = math.floor(steps), len(signal)
-        between = signal[:-1] + (steps - whole) * np.diff(signal)
+        whole, n = math.floor(steps), signal.shape[-1]
+        before, after = signal[..., :-1], signal[..., 1:]
+        between = before + (steps - whole) * (after - before)
+        read = np.empty_like(signal)
         if whole < 0:
-            return np.concatenate([np.full(min(-whole, n), signal[0]), between[: max(n + whole, 0)]])
-        return np.concatenate([between[whole:], np.full(min(whole + 1, n), signal[-1])])
+            first = min(-whole, n)
+            read[..., :first], read[..., first:] = signal[..., :1], between[..., : n - first]
+        else:
+            last = max(n - 1 - whole, 0)
+            read[..., :last], read[..., last:] = between[..., whole:], signal[..., -1:]
+        return read
 
     def pieces(self, most: int) -> Iterator[tuple[slice, list[Floats], Conditions]]:
         """Nominal thrusts and conditions of pieces of the grid of at most so many places, without copies."""

@@ -6,6 +6,8 @@ rotors are logged; and the error of the accelerometer, where there is one. One f
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import wraps
+from weakref import WeakKeyDictionary
 
 import numpy as np
 
@@ -15,6 +17,7 @@ from quadctl.lab.arrays import Floats
 from quadctl.lab.flights.flight import Flight
 from quadctl.model import Model
 from quadctl.numeric import Number, Vector
+from quadctl.vehicle import Vehicle
 
 AXES = ("north", "east", "up")
 MOMENTS = ("roll", "pitch", "yaw")
@@ -26,11 +29,44 @@ GROUPS = {"total": AXES, "turning": MOMENTS, "sensing": SENSED}
 (m/s^2). The key of a group also names the root of the sum of the squares of its axes."""
 
 
+MOST_KEPT = 8
+"""Number of predictions that are kept of a flight."""
+_Key = tuple[Callable[[Model, Flight], Floats], tuple[Effect, ...], int]
+_KEPT: WeakKeyDictionary[Flight, dict[_Key, tuple[Vehicle, Floats]]] = WeakKeyDictionary()
+"""Last predictions of each flight, as long as it lives; with the vehicle, whose `id` is then no other's."""
+
+
+def _kept(predict: Callable[[Model, Flight], Floats]) -> Callable[[Model, Flight], Floats]:
+    """Keep the last predictions of each flight: residual, Jacobian and intervals of a fit need the same ones."""
+
+    @wraps(predict)
+    def kept(model: Model, flight: Flight) -> Floats:
+        known, key = _KEPT.setdefault(flight, {}), (predict, model.effects, id(model.vehicle))
+        found = known.pop(key, None)
+        if found is None:
+            found = model.vehicle, predict(model, flight)
+            found[1].flags.writeable = False
+            if len(known) >= MOST_KEPT:
+                del known[next(iter(known))]
+        known[key] = found
+        return found[1]
+
+    return kept
+
+
+@_kept
 def predict(model: Model, flight: Flight) -> Floats:
     """Predict `measured` of one flight, north, east, up, m/s^2, shape (n, 3): the filtered kinematic acceleration, with
-    the error of the accelerometer where that measures it."""
+    the error of the accelerometer where that measures it; without its mean where that is the velocity's."""
     found = _filtered(model, flight, lambda nominal, c: ned_from_neu(model.acceleration_ned(nominal, c)))
-    return found if flight.trajectory is None else found + predict_imu_error(model, flight)
+    if flight.trajectory is None:
+        return found
+    error = predict_imu_error(model, flight)
+    if flight.tells_force:
+        return found + error
+    for axis in flight.doubted_axes:
+        found[:, axis] += error[:, axis] - np.mean(error[:, axis])
+    return found
 
 
 def _filtered(model: Model, flight: Flight, at: Callable[[Sequence[Number], Conditions], Vector]) -> Floats:
@@ -55,8 +91,11 @@ def predict_torque(model: Model, flight: Flight) -> Floats:
     on average.
     """
     turning = model.turning()
-    if not turning.stack:
-        return flight.nominal_torque
+    return _predict_turning(turning, flight) if turning.stack else flight.nominal_torque
+
+
+@_kept
+def _predict_turning(turning: Model, flight: Flight) -> Floats:
     if turning.needs_thrust_rate:
         step_s = float(flight.grid_s[1] - flight.grid_s[0])
         rates = tuple(np.gradient(thrust, step_s) for thrust in flight.nominal_n)
@@ -64,6 +103,7 @@ def predict_torque(model: Model, flight: Flight) -> Floats:
     return flight.slowly(_filtered(turning, flight, turning.body_torque))
 
 
+@_kept
 def predict_imu_error(model: Model, flight: Flight) -> Floats:
     """Predict the filtered error of the accelerometer, north, east, up, m/s^2, shape (n, 3)."""
     if not any(concerns(effect, "sensing") for effect in model.effects):

@@ -48,6 +48,8 @@ LEAST_VALUE = 0.01
 """Least value of a parameter, as a share of its range, with which the width of its interval is compared."""
 EQUAL_GAIN = 0.1
 """Gains that differ by less are equal; a mission whose gains are all smaller is not worth flying."""
+SHOWN_OPTIONS = 10
+"""Most missions in the table of a suggestion."""
 UNKNOWN = 20.0
 """Relative width beyond which an interval is printed as unknown."""
 
@@ -90,7 +92,7 @@ class Said(Kinds):
     DISTINGUISHES = "It tells {one} from {other} by {sigma:.1f} standard deviations."
     IDENTIFIES = "It identifies {parameter}, which these flights do not, to {width}."
     NARROWS = "It narrows the interval of {parameter} to {share:.0%} of its width."
-    LEFT_OUT = "Left out: {reason}."
+    LEFT_OUT = "Not compared: {reason}."
     SURFACE = (
         "The surface that is least known is {surface}; over it: quadctl fly missions/surface_heights.yaml --set "
         "surface={surface}"
@@ -142,21 +144,28 @@ class Suggestion(Result):
         }
 
     def __rich__(self) -> RenderableType:
-        table = Table(title="Expected result of each mission combined with the data so far", title_justify="left")
+        telling = [option for option in self.options if option.tells_more]
+        shown = telling[:SHOWN_OPTIONS]
+        title = f"{len(telling)} of {len(self.options)} missions would tell more; the best, added to these data"
+        table = Table(title=title, title_justify="left")
         table.add_column("mission", no_wrap=True)
         for one, other in self.pairs:
             table.add_column(f"{one}\nor {other}", justify="right")
         if self.width is not None:
-            table.add_column(f"{self.parameter}\n(now {_plus_minus(self.width)})", justify="right", overflow="fold")
+            table.add_column(
+                f"{self.parameter}\n(now {_plus_minus(self.width)},\nto first order)", justify="right", overflow="fold"
+            )
         if self.untried:
             table.add_column("untried effects\nit would show", justify="right")
-        table.add_column("s", justify="right")
-        for option in self.options:
+        table.add_column("time, s", justify="right")
+        for option in shown:
             row = [option.mission.name, *(f"{sigma:.1f} sigma" for sigma in option.sigmas)]
             row += [_plus_minus(option.width)] if option.width is not None else []
             row += [f"{len(option.tries)} of {len(self.untried)}"] if self.untried else []
             table.add_row(*row, f"{option.mission.duration_s:.0f}")
-        return Group(table, Text("\n".join(map(str, self.answer))))
+        first, *others = map(str, self.answer)
+        command = Text(first, no_wrap=True, overflow="ignore")  # to be copied
+        return Group(command, *([Text("\n".join(others))] if others else []), *([table] if shown else []))
 
     @property
     def reasons(self) -> list[Fact]:
@@ -174,15 +183,15 @@ class Suggestion(Result):
 
     @property
     def answer(self) -> list[Fact]:
-        """Missions left out, and the suggestion."""
-        found = [fact(Said.LEFT_OUT, reason=reason) for reason in self.left_out]
-        found += [] if self.surface is None else [fact(Said.SURFACE, surface=self.surface)]
+        """The suggestion, and the missions left out."""
+        more = [] if self.surface is None else [fact(Said.SURFACE, surface=self.surface)]
+        more += [fact(Said.LEFT_OUT, reason=reason) for reason in self.left_out]
         if self.best is not None:
-            found += [fact(Said.TESTABLE, effects=self.best.tries)] if self.best.tries else []
-            return [*found, fact(Said.FLY, command=self.best.command)]
+            tries = [fact(Said.TESTABLE, effects=self.best.tries)] if self.best.tries else []
+            return [fact(Said.FLY, command=self.best.command), *tries, *more]
         asked = self.pairs or self.untried or (self.width is not None and self.width > NARROW)
         unknown = Said.NO_CANDIDATE if self.unexplained else Said.NO_QUESTION
-        return [*found, fact(Said.NONE_TELLS_MORE if asked else unknown)]
+        return [fact(Said.NONE_TELLS_MORE if asked else unknown), *more]
 
 
 @dataclass(frozen=True, eq=False)
@@ -197,7 +206,7 @@ class _Form:
         return self.fit.model
 
     def widths(self, more: Information | None = None) -> Floats:
-        """Width of the 95 % interval of each free parameter relative to its value, shape (p,)."""
+        """Width of the 95 % interval of each free parameter relative to its value, shape (p,), to first order."""
         free = free_parameters(self.model)
         least = np.array([LEAST_VALUE * (f.parameter.high - f.parameter.low) for f in free])
         known = self.known if more is None else self.known + more
@@ -221,21 +230,21 @@ def suggest(diagnosis: Diagnosis, missions: Path | str = Path("missions")) -> Su
     noise = _noise(dataset.targets - fit.predicted, dataset)
     form = _known(fit, noise, considering=True)
     rivals = _rivals(diagnosis, form, noise)
-    untried = _untried(diagnosis)
+    tried_not = {finding.facts["effect"] for finding in diagnosis.untried}
+    catalogue = every_effect(diagnosis.model.effect_files)
+    untried = [effect for name, effect in catalogue.items() if name in tried_not]
     plans, left_out = _plans(locate(Path(missions)), best, dataset)
     groups = dataset.groups
     after = [form.widths(information(best, flight, groups, noise, considering=True)) for _, _, flight in plans]
     asked = _widest(form.widths(), after)
     names = [f"{f.parameter.name} of {best.effects[f.effect].name}" for f in free_parameters(best)]
     width = None if asked is None else float(form.widths()[asked])
-    asking = bool(rivals) or (width is not None and width > NARROW)
     options = []
     for (mission, command, flight), widths in zip(plans, after, strict=True):
         sigmas = [pair.sigmas(flight) for pair in rivals]
         expected = None if asked is None else float(widths[asked])
         tries = [effect.name for effect in untried if _brings(effect, dataset, flight)]
-        lets_try = 0.0 if asking else len(tries) / max(len(untried), 1)
-        gains = (_separated(sigmas), _narrowed(width, expected), lets_try)
+        gains = (_separated(sigmas), _narrowed(width, expected), len(tries) / max(len(untried), 1))
         options.append(Option(mission, command, sigmas, expected, tries, gains))
     return Suggestion(
         options=_ordered(options),
@@ -327,18 +336,6 @@ def _noise(residual: Floats, dataset: Dataset) -> Floats:
     n = len(residual)
     long_run = [CorrelatedNoise(axis, dataset).variance_of_sum(np.ones(n)) / n for axis in residual.T]
     return np.asarray(np.maximum(np.sqrt(long_run), noise_scale(residual)))
-
-
-def _untried(diagnosis: Diagnosis) -> list[type[Effect]]:
-    """Effects that a diagnosis does not try because the data vary too little to distinguish them from others."""
-    model, dataset = diagnosis.model, diagnosis.dataset
-    present = {effect.family() for effect in diagnosis.best.effects}
-    pool = [e for e in every_effect(model.effect_files).values() if e.candidate and e.applies_to(model.vehicle)]
-    return [
-        e
-        for e in pool
-        if e.family() not in present and any(dataset.span(variable) < span for variable, span in e.needs.items())
-    ]
 
 
 def _brings(effect: type[Effect], dataset: Dataset, flight: Flight) -> bool:

@@ -4,6 +4,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from quadctl.lab.comparison.wording import label_of
+from quadctl.lab.effect_curves import EffectCurve
 from quadctl.lab.plots.style import (
     AFTER,
     BEFORE,
@@ -17,8 +18,6 @@ from quadctl.lab.plots.style import (
     points,
     styled,
 )
-from quadctl.lab.selection.effect_curves import EffectCurve
-from quadctl.lab.selection.wording import residual_label
 
 
 @styled
@@ -35,6 +34,6 @@ def effect_over_variable(curve: EffectCurve) -> Figure:
     points(ax, curve.binned_before.x, curve.binned_before.mean, curve.binned_before.error, BEFORE, "without it")
     points(ax, curve.binned_after.x, curve.binned_after.mean, curve.binned_after.error, AFTER, "with it", "s")
     ax.set_xlabel(label_of(curve.variable))
-    ax.set_ylabel(residual_label(curve))
+    ax.set_ylabel(curve.residual_label)
     legend_above(ax, columns=3)
     return figure

@@ -4,9 +4,9 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from quadctl.effects import CATALOG
+from quadctl.lab.effect_curves import ratio_at, ratio_curve
 from quadctl.lab.plots.style import AFTER, BLACK, TEXTBOOK, WIDE_PX, points, styled
 from quadctl.lab.selection.addition import Addition
-from quadctl.lab.selection.effect_curves import ratio_at, ratio_curve
 
 
 @styled

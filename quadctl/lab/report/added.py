@@ -17,6 +17,7 @@ from quadctl.lab.comparison.wording import (
     percent,
     quantity,
 )
+from quadctl.lab.effect_curves import effect_curves, ratio_curve
 from quadctl.lab.fitting.bootstrap import drop_interval
 from quadctl.lab.flights.dataset import Dataset
 from quadctl.lab.flights.flight import VARIABLE_NAMES, VARIABLE_UNITS
@@ -25,7 +26,6 @@ from quadctl.lab.report.numbers import unseen_before, unseen_residuals
 from quadctl.lab.report.parts import Cell, Figure, Section, Table, both_widths, figure
 from quadctl.lab.report.results import Results
 from quadctl.lab.selection.addition import Addition
-from quadctl.lab.selection.effect_curves import effect_curves, ratio_curve
 from quadctl.lab.words import Answer
 from quadctl.words import Fact, count, fact
 
@@ -104,10 +104,9 @@ def fitted_effects(r: Results) -> Section | None:
     order = list(range(len(a.model.stack)))[::-1]  # what was added last is what the page is about
     for index in order:
         item = a.model.stack[index]
-        ci95 = item.fitted.ci95 if item.fitted else {}
         reservation = thrust_reservation(a.model.vehicle, a.dataset) if is_of_the_thrust(item.effect) else None
         note = " ".join([item.effect.source, *([] if reservation is None else [f"{reservation}."])])
-        rows.append([Cell(item.effect.name, note), Cell(parameters_in_text(item.effect, ci95))])
+        rows.append([Cell(item.effect.name, note), Cell(parameters_in_text(item.effect, item.ci95))])
         if isinstance(item.effect, NearGround):
             sentences, figure = _ground_effect(a, index)
             text += map(str, sentences)

@@ -268,28 +268,38 @@ def fit_drag(records: Sequence[Record], axis: int) -> Estimated:
     its own, and the interval reaches up to the drag that is right where all that the two differ by is an error of the
     measured one, or that has the error which estimators have (Frisch 1934: the regression weakens by the error's share
     of the variance).
+
+    A force that follows the velocity late passes for more drag, by the instrument of earlier velocities: where the
+    flights show that it does, f = -d u + m u' with m > 0, the interval reaches down to that drag, which gusts weaken.
     """
     flights = []
     for r in records:
         assert r.force is not None and r.airspeed is not None
         rows = max(round(DRAG_STEP_S / r.step_s), 1)
-        flights.append((_means(r.force[:, axis], rows), _means(r.airspeed[:, axis], rows), rows * r.step_s))
+        speed = r.airspeed[:, axis]
+        signals = (r.force[:, axis], np.ones(len(speed)), -speed, np.gradient(speed, r.step_s))
+        flights.append((np.array([_means(signal, rows) for signal in signals]), rows * r.step_s))
 
-    def regress(x: Floats) -> list[Regression]:
-        made = []
-        for force, speed, step_s in flights:
-            noise = noise_of(x).of_force(step_s)
-            white = noise.whitened(np.array([force, -speed, np.ones(len(force))]))[:, round(SETTLED_S / step_s) :]
-            column = white[1:2].T
-            made.append(Regression(white[0], column, white[2:].T, earlier(column, round(GUST_PUSHES_S / step_s))))
-        return made
+    def fitted(*linear: str) -> Estimated:
+        def regress(x: Floats) -> list[Regression]:
+            made = []
+            for signals, step_s in flights:
+                white = noise_of(x).of_force(step_s).whitened(signals[: 2 + len(linear)])
+                white = white[:, round(SETTLED_S / step_s) :]
+                columns = white[2:].T
+                before = earlier(columns, round(GUST_PUSHES_S / step_s))
+                made.append(Regression(white[0], columns, white[1:2].T, before))
+            return made
 
-    start, rows = np.array([-2.5, 0.7, 0.5, -1.0]), round(BLOCK_S / flights[0][2])
-    found = estimate(regress, start, (LOW_NOISE, HIGH_NOISE), np.ones(4), NOISE_NAMES, ["drag_1_s"], rows)
+        start, rows = np.array([-2.5, 0.7, 0.5, -1.0]), round(BLOCK_S / flights[0][1])
+        return estimate(regress, start, (LOW_NOISE, HIGH_NOISE), np.ones(4), NOISE_NAMES, linear, rows)
+
+    found, late = fitted("drag_1_s"), fitted("drag_1_s", "late")
     drag = found.values["drag_1_s"]
     share = _velocity_error(records, axis, found)
     high = drag.high / (1.0 - share) if drag.high > 0.0 and share < 1.0 else np.inf
-    return replace(found, values=found.values | {"drag_1_s": Value(drag.value, drag.low, max(high, drag.high))})
+    low = min(drag.low, late.values["drag_1_s"].low) if late.values["late"].low > 0.0 else drag.low
+    return replace(found, values=found.values | {"drag_1_s": Value(drag.value, low, max(high, drag.high))})
 
 
 def _velocity_error(records: Sequence[Record], axis: int, found: Estimated) -> float:

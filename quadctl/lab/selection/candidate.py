@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 
 from quadctl.effects import Effect
@@ -40,6 +40,9 @@ class Candidate:
     """Remarks on the fitted parameters: at a bound, not determined."""
     worst_flight: float = 0.0
     """Smallest relative drop of the error of a moment in a single flight; 0 where none is negative."""
+    unusual: Mapping[str, float] = field(default_factory=dict)
+    """Relative drop of the error of each moment, with what the nuisances take of it beyond the usual; empty without
+    moments."""
     believable: bool = True
     """False where fitted parameters of this effect, or of others because of it, are not physically plausible."""
     distinct: bool = True
@@ -74,6 +77,11 @@ class Candidate:
         about = [group for group in GROUPS if group in self.after and concerns(self.effect, group)]
         axes = [axis for group in about for axis in GROUPS[group]]
         return {axis: 1.0 - self.after[axis] / max(self.before[axis], LEAST_ERROR) for axis in axes}
+
+    @property
+    def axis(self) -> str:
+        """Axis on which the effect helps most."""
+        return max(self.drops, key=self.drops.__getitem__)
 
     @property
     def largest_drop(self) -> float:

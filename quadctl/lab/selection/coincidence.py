@@ -10,7 +10,7 @@ import numpy as np
 
 from quadctl.effects import Effect
 from quadctl.effects.onset import Sudden
-from quadctl.lab.arrays import Floats
+from quadctl.lab.arrays import Floats, Mask
 from quadctl.lab.flights.dataset import Dataset
 from quadctl.lab.flights.flight import Flight
 from quadctl.logs.findings import Kind, of_kind
@@ -48,17 +48,22 @@ def _coincides(flight: Flight, time_s: float) -> bool:
 
 
 def overlap(flight: Flight, time_s: float) -> float:
-    """Share of the time before and after a moment that was flown at the same speeds and tilts."""
+    """Share of the time before and after a moment that was flown at the same speeds and tilts: the least of the shares
+    of each, as a flight that never repeats itself is in few of their combinations twice."""
     v = flight.variables
     regime = (
         (np.hypot(v["speed_forward"], v["speed_right"]), SPEED_M_S),
         (v["climb_rate"], SPEED_M_S),
         (np.hypot(v["roll"], v["pitch"]), TILT_DEG),
     )
-    place = np.column_stack([_ranges(values, least) for values, least in regime])
-    _, cell = np.unique(place, axis=0, return_inverse=True)
     before = flight.time_s < time_s
-    shares = [np.bincount(cell.ravel()[part], minlength=int(cell.max()) + 1) for part in (before, ~before)]
+    return min(_overlap(_ranges(values, least), before) for values, least in regime)
+
+
+def _overlap(cell: Floats, before: Mask) -> float:
+    """Share of the samples before and of the others that lie in the same cells."""
+    _, number = np.unique(cell, return_inverse=True)
+    shares = [np.bincount(number[part], minlength=int(number.max()) + 1) for part in (before, ~before)]
     return float(np.minimum(*(count / max(count.sum(), 1) for count in shares)).sum())
 
 

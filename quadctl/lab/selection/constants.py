@@ -40,7 +40,8 @@ def _with_constant(path: Path, family: str, constant: type[Effect]) -> Path:
         return path
     other = path.restarted()
     for found in (c for c in path.chosen if c.family in path.missing):
-        for kind in _instead(found, family, constant, shown):
+        both = [constant, type(found.effect)] if shown else [constant]
+        for kind in both if found.family == family else [type(found.effect)]:
             tried = _tried(other, kind)
             if kind is constant and not is_plausible(tried, path.rule):
                 return path
@@ -49,13 +50,6 @@ def _with_constant(path: Path, family: str, constant: type[Effect]) -> Path:
         return replace(other, confounded=path.confounded, implied=path.implied)
     kept = [pair for pair in path.confounded if family not in pair]
     return replace(other, confounded=(*kept, (constant.family(), family)), implied=path.implied)
-
-
-def _instead(found: Candidate, family: str, constant: type[Effect], both: bool) -> list[type[Effect]]:
-    """Effects that take the place of one that was found."""
-    if found.family != family:
-        return [type(found.effect)]
-    return [constant, type(found.effect)] if both else [constant]
 
 
 def _is_shown_beside(joint: FittedModel) -> bool:

@@ -19,6 +19,7 @@ from quadctl.lab.comparison.wording import on_terminal, parameter_lines
 from quadctl.lab.finding import Finding, Kind, parameters_of
 from quadctl.lab.fitting.fitted_model import FittedModel, fit_model
 from quadctl.lab.fitting.fitter import BOOTSTRAP_SEED
+from quadctl.lab.fitting.nuisances import captured_leans_deg
 from quadctl.lab.flights.dataset import Dataset
 from quadctl.lab.flights.flight import SPAN_UNITS, UNKNOWN_TIMING, Timing
 from quadctl.lab.flights.timing import of_timing
@@ -43,6 +44,7 @@ from quadctl.lab.symbolic.formula import Symbolic
 from quadctl.lab.threads import one_blas_thread
 from quadctl.lab.words import in_words
 from quadctl.model import Model
+from quadctl.words import count
 
 UNITS = {"total": "", "turning": " N m", "sensing": " (IMU)"}
 
@@ -127,8 +129,7 @@ class Diagnosis(Result):
     @property
     def chosen(self) -> list[Candidate]:
         """Candidates for the missing effects, in the order of adding."""
-        missing = {step.effect for step in self.steps[1:]}
-        return [candidate for candidate in self.ranking if candidate.effect.name in missing]
+        return self.ranking[: len(self.missing)]
 
     @property
     def timing(self) -> Timing:
@@ -139,19 +140,12 @@ class Diagnosis(Result):
     def answer(self) -> list[Finding]:
         """Verdict; what is missing or small, with the error before and after; what these data leave open; the next
         flight."""
-        named = {"missing": self.missing, "small": [simplest.family for simplest, *_ in self.small]}
-        kinds = {
-            "missing": Kind.MISSING,
-            "small": Kind.ONLY_SMALL,
-            "none": Kind.NONE,
-            "unexplained": Kind.UNEXPLAINED,
-        }
-        found = [Finding(kinds[self.verdict], {"families": named[self.verdict]} if self.verdict in named else {})]
         if self.verdict == "small":
-            found += self._of_small
-        for c in self.ranking[: len(self.missing)]:
-            effect = {"effect": c.effect.name, "parameters": parameters_of(c.effect, c.ci95)}
-            found.append(Finding(Kind.EFFECT, effect))
+            families = [simplest.family for simplest, *_ in self.small]
+            found = [Finding(Kind.ONLY_SMALL, {"families": families}), *self._of_small]
+        else:
+            found = [Finding(Kind(self.verdict), {"families": self.missing} if self.missing else {})]
+        found += [Finding(Kind.EFFECT, parameters_of(c.effect, c.ci95)) for c in self.chosen]
         if len(self.steps) > 1:
             before, after = self.steps[0].rmse["total"], self.steps[-1].rmse["total"]
             found.append(Finding(Kind.ERROR, {"before": before, "after": after, "drop": 1.0 - after / before}))
@@ -177,8 +171,7 @@ class Diagnosis(Result):
         small = {c.effect.name for group in self.small for c in group}
         for c in self.ranking:
             if is_trim(c) and c.family not in self.missing and c.effect.name not in small:
-                usual = {"effect": c.effect.name, "parameters": parameters_of(c.effect, c.ci95), "p": c.p_value}
-                found.append(Finding(Kind.USUAL, usual))
+                found.append(Finding(Kind.USUAL, {**parameters_of(c.effect, c.ci95), "p": c.p_value}))
         return [*found, *of_timing(self.timing), *_of_attitudes(self.fit)]
 
     @cached_property
@@ -188,8 +181,7 @@ class Diagnosis(Result):
         for simplest, *alike in self.small:
             without = replace(simplest.model, stack=simplest.model.stack[:-1])
             facts = {
-                "effect": simplest.effect.name,
-                "parameters": parameters_of(simplest.effect, simplest.ci95),
+                **parameters_of(simplest.effect, simplest.ci95),
                 "alternatives": [c.effect.name for c in alike],
                 "before": simplest.before[simplest.measure],
                 "after": simplest.after[simplest.measure],
@@ -210,13 +202,13 @@ class Diagnosis(Result):
         missing = {step.effect for step in self.steps}
         supported = [c for c in self.ranking if c.effect.name in missing or is_supported(c)]
         title = (
-            "Missing effects (*), each added to those above it; then others that are supported, too"
+            "Missing (*), in the order of adding; then alternatives"
             if self.missing
             else "Significant alone, but they do not explain the error that is left"
         )
         tables = [_table(title, supported, missing)] if supported else []
         rest = len(self.ranking) - len(supported)
-        more = f"{rest} other effects are not supported, and {len(self.untried)} were not tried: --all says why."
+        more = f"Not supported: {count(rest, 'other effect')}; not tried: {len(self.untried)}. --all says why."
         return Group(
             Text(on_terminal(_told(self.answer))),
             *([self.symbolic] if self.symbolic else []),
@@ -236,7 +228,7 @@ class Diagnosis(Result):
 
 def _of_attitudes(fit: FittedModel | None) -> list[Finding]:
     """Finding on the attitudes of a motion capture that are off; none where the diagnosis was read from a session."""
-    leans = {} if fit is None else fit.captured_leans_deg
+    leans = {} if fit is None else captured_leans_deg(fit.flights, fit.optimum.nuisances)
     if fit is None or not leans:
         return []
     facts = {
@@ -258,17 +250,18 @@ def _table(
     others stands what is `against` them, by their names."""
     table = Table(title=title, title_justify="left", box=box.SIMPLE_HEAVY, show_edge=False, padding=0)
     table.add_column("effect, and its parameters [95 %]")
-    for heading in ("held-out error", "change", "p"):
+    for heading in ("held-out error", "change", "by axis", "p"):
         table.add_column(heading, justify="right", no_wrap=True)
     for c in candidates:
         is_missing = c.effect.name in missing
         name = Text(f"{'* ' if is_missing else ''}{c.effect.name}", style="bold" if is_missing else "")
-        parameters = parameter_lines(c.effect, c.ci95) if c.ci95 else []
+        parameters = parameter_lines(parameters_of(c.effect, c.ci95)["parameters"]) if c.ci95 else []
         why_not = [] if is_missing or against is None else [f"no: {on_terminal(against[c.effect.name])}"]
         table.add_row(
             Group(name, *([Padding(Text("\n".join([*parameters, *why_not])), (0, 1, 0, 2))])),
             f"{error_in_table(c.before[c.measure])} -> {error_in_table(c.after[c.measure])}" + UNITS[c.measure],
             f"{-c.held_out_drop:+.1%}",
+            f"{-c.largest_drop:+.0%} {c.axis}",
             p_in_table(c.p_value),
         )
     return table

@@ -13,7 +13,7 @@ from rich.text import Text
 from quadctl.effects import Effect
 from quadctl.lab.comparison.comparison import Comparison, compare
 from quadctl.lab.comparison.wording import on_terminal, parameter_lines
-from quadctl.lab.finding import Kind
+from quadctl.lab.finding import Kind, parameters_of
 from quadctl.lab.fitting.fitted_model import fit_model
 from quadctl.lab.fitting.flexible_regression import flexible_residual, noise_floor
 from quadctl.lab.flights.dataset import Dataset
@@ -46,13 +46,7 @@ class Discovery(Result):
             "diagnosis": self.diagnosis.to_dict(),
             "additions": [addition.to_dict() for addition in self.additions],
             "effects": [
-                {
-                    "effect": item.effect.name,
-                    "parameters": item.effect.values(),
-                    "ci95": {name: list(ci) for name, ci in (item.fitted.ci95 if item.fitted else {}).items()},
-                    "p_value": self.p_values.get(item.effect.family()),
-                }
-                for item in self.model.stack
+                {**item.to_dict(), "p_value": self.p_values.get(item.effect.family())} for item in self.model.stack
             ],
         }
 
@@ -89,8 +83,7 @@ class Discovery(Result):
         table.add_column("effect, and its parameters [95 %]")
         table.add_column("p", justify="right", no_wrap=True)
         for item in self.model.stack:
-            ci95 = item.fitted.ci95 if item.fitted else {}
-            parameters = "\n".join(parameter_lines(item.effect, ci95)) or "-"
+            parameters = "\n".join(parameter_lines(parameters_of(item.effect, item.ci95)["parameters"])) or "-"
             p_value = self.p_values.get(item.effect.family())
             table.add_row(
                 Group(item.effect.name, Padding(Text(parameters), (0, 0, 0, 2))),

@@ -12,8 +12,8 @@ from rich.text import Text
 from quadctl import __version__
 from quadctl.effects import Effect
 from quadctl.errors import SettingsError
-from quadctl.lab.arrays import Floats
-from quadctl.lab.comparison.wording import ERRORS, parameters_in_words
+from quadctl.lab.comparison.wording import ERRORS
+from quadctl.lab.finding import Finding, Kind, parameters_of
 from quadctl.lab.fitting.bootstrap import drop_interval
 from quadctl.lab.fitting.fitted_model import FittedModel, fit_as_it_stands, fit_model, is_fitted_to
 from quadctl.lab.fitting.fitter import Fitter, Optimum
@@ -23,6 +23,7 @@ from quadctl.lab.flights.channels import ROTOR_SPEED
 from quadctl.lab.flights.dataset import Dataset
 from quadctl.lab.results import Result, errors_table
 from quadctl.lab.selection.candidate import measure_of
+from quadctl.lab.words import in_words
 from quadctl.model import Model, Provenance, StackedEffect
 
 
@@ -43,21 +44,6 @@ class Refit(Result):
     def dataset(self) -> Dataset:
         """Dataset of the fit."""
         return self.fit_after.dataset
-
-    @property
-    def residual_before(self) -> Floats:
-        """Held-out residual of the targets before, shape (n, 3 * groups)."""
-        return self.fit_before.held_out_residual
-
-    @property
-    def residual_after(self) -> Floats:
-        """Held-out residual after, shape (n, 3 * groups)."""
-        return self.fit_after.held_out_residual
-
-    @property
-    def draws(self) -> Floats:
-        """Bootstrap draws of all free parameters of the stack, shape (draws, p), in the order of `free_parameters`."""
-        return self.fit_after.draws
 
     @property
     def before(self) -> dict[str, float]:
@@ -86,14 +72,14 @@ class Refit(Result):
 
     @cached_property
     def drop_ci95(self) -> tuple[float, float]:
-        first = 3 * self.dataset.groups.index(self.measure)
-        columns = slice(first, first + 3)
-        return drop_interval(self.residual_before[:, columns], self.residual_after[:, columns], self.dataset.block)
+        return drop_between(self.fit_before, self.fit_after, self.measure)
 
     @cached_property
     def p_value(self) -> float:
         """p-value of the hypothesis that the larger of the two models does not help on unseen data."""
-        return improvement_p_value(self.residual_before, self.residual_before - self.residual_after, self.dataset)
+        fits = sorted((self.fit_before, self.fit_after), key=lambda fit: len(fit.model.stack))
+        smaller, larger = (fit.held_out_residual for fit in fits)
+        return improvement_p_value(smaller, smaller - larger, self.dataset)
 
     @property
     def title(self) -> str:
@@ -119,14 +105,7 @@ class Refit(Result):
 
     def to_dict(self) -> dict[str, Any]:
         return {
-            "effects": [
-                {
-                    "effect": item.effect.name,
-                    "parameters": item.effect.values(),
-                    "ci95": {k: list(v) for k, v in item.fitted.ci95.items()} if item.fitted else {},
-                }
-                for item in self.model.stack
-            ],
+            "effects": [item.to_dict() for item in self.model.stack],
             "flights": self.dataset.names,
             "rmse_before": self.before,
             "rmse_after": self.after,
@@ -146,13 +125,19 @@ class Refit(Result):
         lines.append(
             "The model now contains:" if self.model.stack else "The model now contains no effect: the rigid body."
         )
-        for item in self.model.stack:
-            words = parameters_in_words(item.effect, item.fitted.ci95 if item.fitted else {})
-            lines.append(f"  {item.effect.name}: {words}")
+        found = [Finding(Kind.EFFECT, parameters_of(item.effect, item.ci95)) for item in self.model.stack]
+        lines += [f"  {in_words(finding)}" for finding in found]
         lines += [f"Note: {remark}." for remark in self.remarks]
         if self.conclusion:
             lines.append(self.conclusion)
         return Group(table, Text("\n".join(lines)))
+
+
+def drop_between(before: FittedModel, after: FittedModel, measure: str) -> tuple[float, float]:
+    """95 % interval of the relative drop of a held-out error from one fit to another."""
+    first = 3 * before.dataset.groups.index(measure)
+    old, new = (fit.held_out_residual[:, first : first + 3] for fit in (before, after))
+    return drop_interval(old, new, before.dataset.block)
 
 
 SAME_FIT = 0.05

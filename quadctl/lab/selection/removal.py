@@ -1,14 +1,12 @@
 """Removal of an effect from a model: refit of the rest, and the held-out error."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from functools import cached_property
+from dataclasses import dataclass
 from typing import Any
 
 from quadctl.effects import Effect
 from quadctl.errors import SettingsError
 from quadctl.lab.fitting.fitted_model import FittedModel, fit_model
-from quadctl.lab.fitting.significance import improvement_p_value
 from quadctl.lab.flights.dataset import Dataset
 from quadctl.lab.selection.refit import Refit, refitted
 from quadctl.lab.selection.rule import is_significant
@@ -26,11 +24,6 @@ class Removal(Refit):
     @property
     def changed(self) -> Sequence[Effect]:
         return [self.removed]
-
-    @cached_property
-    def p_value(self) -> float:
-        """p-value of the hypothesis that the effect does not help on unseen data."""
-        return improvement_p_value(self.residual_after, self.residual_after - self.residual_before, self.dataset)
 
     @property
     def title(self) -> str:
@@ -56,12 +49,7 @@ def remove(word: str, model: Model, dataset: Dataset, fit: FittedModel | None = 
     """
     effect = held_effect(word, model)
     before = fit_model(model, dataset) if fit is None else fit
-    return refitted(Removal, model, before, fit_model(without(effect, model), before.dataset), removed=effect)
-
-
-def without(effect: Effect, model: Model) -> Model:
-    """Copy of `model` without `effect`; the others keep their parameters."""
-    return replace(model, stack=tuple(item for item in model.stack if item.effect is not effect))
+    return refitted(Removal, model, before, fit_model(model.without(effect), before.dataset), removed=effect)
 
 
 def held_effect(word: str, model: Model) -> Effect:

@@ -128,13 +128,14 @@ def _moment_drops(c: Candidate, rule: Rule = RULE) -> list[float]:
 def shows_in_moments(c: Candidate, rule: Rule = RULE) -> bool:
     """Tell whether a candidate lowers the error of every moment that its physics must show in, and worsens neither roll
     nor pitch; and that of the thrust, where it must show there too: by `beside` of its largest drop where it
-    need not show in a certain moment.
+    need not show in a certain moment. What a nuisance takes of a moment beyond the usual counts as its error: a centre
+    of mass that is off by millimetres could stand for every fault of a vehicle with short arms.
 
     Of several moments a centre of mass that is off may hide all but one, where the thrust shows the effect as well. Yaw
     may get a little worse (see `is_harmful`): a damaged propeller loses another share of its drag than of its thrust.
     """
     axes, up = c.effect.shows_in(c.model.vehicle), c.drops.get("up", 0.0)
-    shown = [c.drops.get(axis, 0.0) for axis in axes if axis in MOMENTS]
+    shown = [max(c.drops.get(axis, 0.0), c.unusual.get(axis, 0.0)) for axis in axes if axis in MOMENTS]
     least = rule.visible if shown else max(rule.visible, rule.beside * c.largest_drop)
     if "up" in axes and up < least:
         return False

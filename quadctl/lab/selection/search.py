@@ -35,11 +35,12 @@ from quadctl.lab.selection.rule import (
     is_significant,
     is_supported,
     score,
+    shows_in_moments,
     unbelievable,
     without_needless_differences,
     without_stand_ins,
 )
-from quadctl.lab.selection.trial import not_fitted, try_effect
+from quadctl.lab.selection.trial import drops_of_unusual, not_fitted, try_effect
 
 MOST_MASKED = 2
 """Largest number of effects with which a search begins although they are not significant alone."""
@@ -75,7 +76,8 @@ class Path:
     confounded: tuple[tuple[str, str], ...] = ()
     """Pairs of families that these data do not distinguish: the one that was added, and the other."""
     implied: frozenset[str] = frozenset()
-    """Families that were taken out because the other effects imply them, though their part of a moment is left."""
+    """Families that were taken out because the other effects imply them, or explain all but a moment of them, though
+    their part of a moment is left."""
 
     rule: Rule = RULE
 
@@ -407,14 +409,29 @@ def _without_superfluous(path: Path, family: str) -> Path:
     doubtful -= unbelievable(model, dataset) | indistinct(model, dataset)
     (effect,) = (effect for effect in model.effects if effect.family() == family)
     needed = is_needed(effect, without, path.residual, p_value, path.rule)
+    shows = _shows_beside(path, smaller, effect)
     implied = effect.implied_by(smaller.model.effects, [f.conditions for f in dataset.flights], model.vehicle)
-    if (needed and not implied) or doubtful:
+    if (needed and shows and not implied) or doubtful:
         return path
     first, last = path.steps[:-1], path.steps[-1]
     steps = (*(step for step in first if step.family != family), replace(last, rmse=rmse(without, dataset.groups)))
     missing = tuple(name for name in path.missing if name != family)
     taken_out = path.implied | {family} if needed else path.implied
     return replace(path, current=smaller, steps=steps, missing=missing, implied=taken_out)
+
+
+def _shows_beside(path: Path, smaller: FittedModel, effect: Effect) -> bool:
+    """Tell whether an effect of the path shows in the moments beside the others, as it must: a thrust that it seemed to
+    explain alone may be another one's. `smaller` is the fit without it."""
+    tried = next(c for c in reversed(path.chosen) if c.effect.name == effect.name)
+    groups = path.dataset.groups
+    beside = replace(
+        tried,
+        before=rmse(smaller.held_out_residual, groups),
+        after=rmse(path.residual, groups),
+        unusual=drops_of_unusual(smaller, path.current),
+    )
+    return shows_in_moments(beside, path.rule)
 
 
 def _beside(path: Path, family: str) -> tuple[FittedModel, float]:

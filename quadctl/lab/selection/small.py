@@ -25,10 +25,8 @@ def measured_of(ranking: Sequence[Candidate], missing: Container[str]) -> list[C
     explained = {name for c in ranking if c.family in missing for name in c.effect.depends_on}
     for c in sorted(ranking, key=lambda c: c.p_value):
         of_a_form = c.effect.depends_on and set(c.effect.depends_on) <= explained
-        at_bounds = [getattr(c.effect, name) in ci for name, ci in c.ci95.items()]
-        if c.family in missing or of_a_form or (at_bounds and all(at_bounds)):
-            continue
-        if is_measured(c) and not is_supported(c):
+        at_bounds = [getattr(c.effect, name) in ci for name, ci in c.ci95.items()] or [False]
+        if not (c.family in missing or of_a_form or all(at_bounds)) and is_measured(c) and not is_supported(c):
             found.setdefault(c.family, c)
     return list(found.values())
 

@@ -10,9 +10,9 @@ from quadctl.lab.fitting.initial_guesses import Unmodelled, best_guesses, best_s
 from quadctl.lab.fitting.nuisances import AGE, BOUND
 from quadctl.lab.fitting.significance import improvement_p_value
 from quadctl.lab.flights.dataset import Dataset
-from quadctl.lab.flights.prediction import rmse
+from quadctl.lab.flights.prediction import MOMENTS, rmse
 from quadctl.lab.flights.timing import comes_too_early
-from quadctl.lab.selection.candidate import Candidate
+from quadctl.lab.selection.candidate import LEAST_ERROR, Candidate
 from quadctl.lab.selection.rule import RULE, Rule, indistinct, moment_drops, unbelievable
 from quadctl.lab.threads import one_blas_thread
 
@@ -37,6 +37,7 @@ def try_effect(effect: type[Effect], left: Unmodelled, n_tried: int, rule: Rule 
         p_value=min(1.0, p_value * n_tried * independent),
         residual=after,
         worst_flight=_worst_flight(residual, after, dataset, rule),
+        unusual=drops_of_unusual(left.fit, fit),
         remarks=fit.remarks(last),
         believable=unbelievable(fit.model, dataset) <= unbelievable(left.model, dataset),
         distinct=effect.name not in indistinct(fit.model, dataset)
@@ -96,6 +97,18 @@ def _is_no_delay(before: Floats, after: Floats, dataset: Dataset, rule: Rule) ->
     """
     most = rmse(after, dataset.groups)["up"] < rule.most * rmse(before, dataset.groups)["up"]
     return most or comes_too_early(dataset.flights[0].timing)
+
+
+def drops_of_unusual(before: FittedModel, after: FittedModel) -> dict[str, float]:
+    """Relative drop of the error of each moment, with what the nuisances take of it beyond the usual; empty without
+    moments."""
+    had, left = before.unusual_moments, after.unusual_moments
+    if had is None or left is None:
+        return {}
+    sizes = (np.sqrt(np.mean(moments**2, axis=0)) for moments in (had, left))
+    return {
+        axis: 1.0 - float(new) / max(float(old), LEAST_ERROR) for axis, old, new in zip(MOMENTS, *sizes, strict=True)
+    }
 
 
 def _worst_flight(before: Floats, after: Floats, dataset: Dataset, rule: Rule) -> float:

@@ -43,6 +43,11 @@ class UnseenError:
     found: dict[str, int] = field(default_factory=dict)
     """Number of these searches that found each family."""
 
+    @property
+    def change(self) -> dict[str, float]:
+        """Error of the acceleration before and after, m/s^2."""
+        return {"before": self.before["total"], "after": self.after["total"]}
+
     def to_dict(self) -> dict[str, Any]:
         return {
             "hold_out": self.hold_out,
@@ -61,11 +66,10 @@ def held_out_errors(start: FittedModel, found: FittedModel) -> list[UnseenError]
 
     The choice of the effects has seen all data.
     """
-    groups = start.dataset.groups
-    return [
-        UnseenError(h, rmse(_held_out(start, h), groups), rmse(_held_out(found, h), groups))
-        for h in _hold_outs(start.dataset)
-    ]
+    errors = {
+        h: [rmse(_held_out(fit, h), fit.dataset.groups) for fit in (start, found)] for h in _hold_outs(start.dataset)
+    }
+    return [UnseenError(h, before, after) for h, (before, after) in errors.items()]
 
 
 def nested_errors(
@@ -83,21 +87,13 @@ def nested_errors(
 def of_unseen(errors: Sequence[UnseenError], any_missing: bool) -> list[Finding]:
     """Findings on the errors; about a choice that has seen all data only where it found something."""
     repeated = [error for error in errors if error.searches]
-    found = [
-        Finding(
-            Kind.UNSEEN_BY_CHOICE,
-            {**_change(error), "data": DATA[error.hold_out], "searches": error.searches, "found": error.found},
-        )
-        for error in repeated
-    ]
     if any_missing and not repeated:
-        found += [Finding(Kind.WHOLE_FLIGHTS, _change(error)) for error in errors if error.hold_out == "flights"]
-        found.append(Finding(Kind.SEEN_BY_CHOICE))
-    return found
-
-
-def _change(error: UnseenError) -> dict[str, float]:
-    return {"before": error.before["total"], "after": error.after["total"]}
+        of_flights = [Finding(Kind.WHOLE_FLIGHTS, e.change) for e in errors if e.hold_out == "flights"]
+        return [*of_flights, Finding(Kind.SEEN_BY_CHOICE)]
+    return [
+        Finding(Kind.UNSEEN_BY_CHOICE, {**e.change, "data": DATA[e.hold_out], "searches": e.searches, "found": e.found})
+        for e in repeated
+    ]
 
 
 def _hold_outs(dataset: Dataset) -> list[HoldOut]:
@@ -124,13 +120,8 @@ def _nested(
         found.update(path.missing)
         for residual, fit in ((before, path.start), (after, path.current)):
             residual[held] = _residual_of(fit, dataset, held)
-    return UnseenError(
-        dataset.hold_out,
-        rmse(before, dataset.groups),
-        rmse(after, dataset.groups),
-        searches=len(dataset.folds),
-        found=dict(found.most_common()),
-    )
+    errors = [rmse(residual, dataset.groups) for residual in (before, after)]
+    return UnseenError(dataset.hold_out, errors[0], errors[1], len(dataset.folds), dict(found.most_common()))
 
 
 def _residual_of(fit: FittedModel, dataset: Dataset, held: Mask) -> Floats:

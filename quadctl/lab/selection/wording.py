@@ -5,7 +5,6 @@ from typing import Any
 
 from quadctl.lab.finding import Finding, Kind
 from quadctl.lab.selection.candidate import Candidate
-from quadctl.lab.selection.effect_curves import EffectCurve
 from quadctl.lab.selection.rule import (
     RULE,
     is_harmful,
@@ -33,18 +32,13 @@ def unit_of(group: str) -> str:
     return UNITS[group].replace("^2", "²")
 
 
-def residual_label(curve: EffectCurve) -> str:
-    """Axis label of a residual: `residual forward / m/s²`."""
-    return f"residual {curve.component} / {unit_of(curve.group)}"
-
-
 def candidate_in_words(c: Candidate) -> str:
     """Sentences on a candidate: the physics of its effect, its held-out improvement, and remarks on its parameters."""
     weak = Answer.NO_LARGER if is_trim(c) else Answer.NOT_SUPPORTED
     improvement = fact(
         Answer.SUPPORTED if is_supported(c) else Answer.NOT_SEPARATE if is_plausible(c) else weak,
         drop=c.held_out_drop,
-        axis=max(c.drops, key=c.drops.__getitem__),
+        axis=c.axis,
         largest_drop=c.largest_drop,
         distinguished_by=c.effect.distinguished_by,
     )
@@ -66,10 +60,11 @@ def reason_against(c: Candidate, chosen: Candidate | None) -> Finding:
         return Finding(Kind.NO_DROP)
     if not is_significant(c.p_value):
         return Finding(Kind.NOT_SIGNIFICANT, {"p": c.p_value, "limit": RULE.significant})
-    if not c.determined:
-        essential = list(c.effect.essential)
-        return Finding(Kind.ZERO, {"parameters": essential}) if essential else Finding(Kind.UNDETERMINED)
+    essential = list(c.effect.essential)
+    if not c.determined and essential:
+        return Finding(Kind.ZERO, {"parameters": essential})
     for fails, kind in (
+        (not c.determined, Kind.UNDETERMINED),
         (c.at_bound, Kind.AT_BOUND),
         (not c.believable, Kind.IMPLAUSIBLE),
         (is_harmful(c), Kind.HARMFUL),
@@ -104,11 +99,7 @@ def error_in_table(error: float) -> str:
 
 def candidate_to_dict(c: Candidate) -> dict[str, Any]:
     """An entry of `ranking` in the JSON of a diagnosis."""
-    return {
-        "family": c.family,
-        "effect": c.effect.name,
-        "parameters": c.effect.values(),
-        "ci95": {name: list(ci) for name, ci in c.ci95.items()},
+    return measured_to_dict(c) | {
         "rmse_before": c.before[c.measure],
         "rmse_after": c.after[c.measure],
         "unit": UNITS[c.measure],

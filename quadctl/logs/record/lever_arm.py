@@ -76,7 +76,9 @@ def _equations(log: FlightLog, drive: Floats | None, span: Span) -> tuple[Floats
     for axis in range(2):  # drag, delay of the attitude (which turns the weight) and an offset, along and across
         signals = (along[axis], (-rates[1], rates[0])[axis], np.ones(n))
         blocks += [np.array([signal if i == axis else zero for i in range(3)]) for signal in signals]
-    blocks += [np.array([zero, zero, signal]) for signal in (lift, along[2], np.ones(n))]
+    # Rotors that follow late round the thrust: a delay and, of second order, the lag itself.
+    late = np.gradient(lift, STEP_S)
+    blocks += [np.array([zero, zero, one]) for one in (lift, late, np.gradient(late, STEP_S), along[2], np.ones(n))]
     for fixed in ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0)):  # the drag of a wind, which has its direction over ground
         toward = np.array(rotate_inverse(attitude, fixed))
         blocks += [np.where(np.arange(3)[:, None] == axis, toward, 0.0) for axis in range(3)]

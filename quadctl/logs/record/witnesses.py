@@ -49,7 +49,8 @@ def disagreements(log: FlightLog, thrust_source: str | None, flights: tuple[Span
     pieces = [_pieces(log, drive, flight) for flight in flights if flight[1] - flight[0] > PIECE_S]
     if not pieces:
         return []
-    by_velocity, by_imu, by_thrust = (np.concatenate(parts, axis=1) for parts in zip(*pieces, strict=True))
+    by_velocity, by_imu, by_thrust, *of_body = (np.concatenate(parts, axis=1) for parts in zip(*pieces, strict=True))
+    by_imu = _without_offset(by_imu, by_velocity, of_body)
     found = []
     for i, axis in enumerate(AXES):
         apart = _size(by_velocity[i] - by_imu[i])
@@ -76,8 +77,9 @@ def disagreement_findings(found: list[Disagreement]) -> list[Finding]:
     return told
 
 
-def _pieces(log: FlightLog, drive: Floats | None, flight: Span) -> tuple[Floats, Floats, Floats]:
-    """Acceleration of one flight by velocity, by accelerometer and by thrust, without slow changes, shape (3, n)."""
+def _pieces(log: FlightLog, drive: Floats | None, flight: Span) -> tuple[Floats, ...]:
+    """Acceleration of one flight by velocity, by accelerometer and by thrust, and the three axes of the body, in the
+    world, without slow changes, shape (3, n) each."""
     grid = np.arange(flight[0], flight[1], STEP_S)
     velocity = np.array([on_clock(grid, log, name) for name in VELOCITY])
     angles = (np.radians(on_clock(grid, log, name, unwrap=True)) for name in ATTITUDE)
@@ -89,7 +91,16 @@ def _pieces(log: FlightLog, drive: Floats | None, flight: Span) -> tuple[Floats,
     push = np.ones(len(grid)) if drive is None else np.interp(grid, log.time_s, np.nan_to_num(drive))
     north, east, down = rotate(attitude, (0.0, 0.0, -1.0))
     by_thrust = push * np.array([north, east, -np.asarray(down)]) * (GRAVITY_M_S2 / max(float(np.median(push)), 1e-9))
-    return _quick(by_velocity), _quick(by_imu), _quick(by_thrust)
+    axes = [np.array([n, e, -np.asarray(d)]) for n, e, d in (rotate(attitude, axis) for axis in np.eye(3))]
+    return tuple(_quick(values) for values in (by_velocity, by_imu, by_thrust, *axes))
+
+
+def _without_offset(by_imu: Floats, by_velocity: Floats, of_body: list[Floats]) -> Floats:
+    """Acceleration by an accelerometer without its offset, which is constant in the body and turns with it in the
+    world, shape (3, n); `of_body` are the axes of the body, shape (3, n) each."""
+    columns = np.column_stack([axis.ravel() for axis in of_body])
+    offset = np.linalg.lstsq(columns, (by_imu - by_velocity).ravel(), rcond=None)[0]
+    return by_imu - np.tensordot(offset, np.array(of_body), axes=1)
 
 
 def _quick(values: Floats) -> Floats:

@@ -3,8 +3,8 @@
 import numpy as np
 
 from quadctl.lab.comparison.wording import label_of
-from quadctl.lab.selection.effect_curves import Binned, EffectCurve
-from quadctl.lab.selection.wording import residual_label, unit_of
+from quadctl.lab.effect_curves import Binned, EffectCurve
+from quadctl.lab.selection.wording import unit_of
 from quadctl.web.elements.figure import Figure, axis, faded, figure
 from quadctl.web.elements.theme import Theme
 
@@ -36,7 +36,7 @@ def evidence_figure(curve: EffectCurve, theme: Theme, height_px: int = 340) -> F
         theme,
         height_px,
         xaxis=axis(label_of(curve.variable), theme, range=[float(low), float(high)]),
-        yaxis=axis(residual_label(curve), theme, range=[-reach, reach]),
+        yaxis=axis(curve.residual_label, theme, range=[-reach, reach]),
     )
 
 

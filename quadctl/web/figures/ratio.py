@@ -9,8 +9,8 @@ import numpy as np
 from quadctl.effects import CATALOG
 from quadctl.lab.arrays import Floats
 from quadctl.lab.comparison.wording import label_of
+from quadctl.lab.effect_curves import Binned, far_ratio, hover_ratio, measured_ratio, ratio_as_flown
 from quadctl.lab.flights.dataset import Dataset
-from quadctl.lab.selection.effect_curves import Binned, far_ratio, hover_ratio, measured_ratio, ratio_as_flown
 from quadctl.model import Model
 from quadctl.web.elements.figure import Figure, axis, figure
 from quadctl.web.elements.theme import Theme

@@ -4,8 +4,8 @@ from html import escape
 
 import numpy as np
 
+from quadctl.lab.effect_curves import Sketch
 from quadctl.lab.flights.flight import VARIABLE_NAMES
-from quadctl.lab.selection.effect_curves import Sketch
 from quadctl.web.elements.theme import Theme
 
 WIDTH, HEIGHT, MARGIN = 150, 64, 6

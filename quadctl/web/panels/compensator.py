@@ -9,8 +9,8 @@ import numpy as np
 from nicegui import ui
 
 from quadctl.lab.comparison.wording import change_in_words
+from quadctl.lab.effect_curves import far_ratio, hover_ratio
 from quadctl.lab.flights.dataset import Dataset
-from quadctl.lab.selection.effect_curves import far_ratio, hover_ratio
 from quadctl.lab.tracking.step_response import StepResponses
 from quadctl.model import Model
 from quadctl.web.elements.html import empty, heading, plot, tag

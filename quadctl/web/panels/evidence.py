@@ -6,11 +6,11 @@ from typing import Literal
 from nicegui import ui
 
 from quadctl.lab.comparison.wording import ERRORS, change_in_words, listed, plain, sentence
+from quadctl.lab.evidence import Evidence as Found
 from quadctl.lab.flights.flight import VARIABLE_NAMES
 from quadctl.lab.flights.prediction import GROUPS, MOMENTS, SENSED
 from quadctl.lab.planning.suggestion import Suggestion
 from quadctl.lab.selection.candidate import LEAST_ERROR, Candidate
-from quadctl.lab.selection.evidence import Evidence as Found
 from quadctl.lab.selection.wording import error_in_table, p_in_table, reason_against, rival_of, unit_of
 from quadctl.lab.words import in_words
 from quadctl.web.elements.html import heading, loading, plot, table, tag
@@ -159,7 +159,7 @@ def _beside(candidate: Candidate) -> Fact:
 
 def draw_suggestion(suggestion: Suggestion) -> None:
     """Draw the command of the best mission with what it is expected to tell, or why none is suggested."""
-    *reasons, answer = map(str, suggestion.answer)
+    answer, *reasons = map(str, suggestion.answer)
     if suggestion.best is None:
         tag("p", "", answer)
     else:

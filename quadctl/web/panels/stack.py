@@ -118,7 +118,7 @@ def _draw_effect(do: Controls, item: StackedEffect, alike: Sequence[str], on: bo
         tag("div", "mono muted", effect.name)
         if alike:
             tag("p", "note", str(fact(Compared.LOOKS_LIKE, families=alike)))
-        ci95 = item.fitted.ci95 if item.fitted else {}
+        ci95 = item.ci95
         units = {p.name: p.unit for p in effect.parameters()}
         if ci95:
             tag("p", "muted what", "In brackets: 95% intervals.")

@@ -17,10 +17,10 @@ from cattrs.gen import make_dict_structure_fn, make_dict_unstructure_fn, overrid
 from quadctl.effects import every_effect, find_effect
 from quadctl.errors import SettingsError
 from quadctl.lab.arrays import Floats
+from quadctl.lab.effect_curves import Binned, Sketch
 from quadctl.lab.flights.dataset import Dataset
 from quadctl.lab.selection.candidate import Candidate
 from quadctl.lab.selection.diagnosis import Diagnosis
-from quadctl.lab.selection.effect_curves import Binned, Sketch
 from quadctl.lab.symbolic.effect_file import CODE
 from quadctl.lab.symbolic.formula import Formula
 from quadctl.model import Model, StackedEffect

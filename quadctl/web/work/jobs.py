@@ -8,6 +8,7 @@ from pathlib import Path
 from quadctl.errors import QuadctlError
 from quadctl.lab.comparison.comparison import compare
 from quadctl.lab.comparison.wording import listed, where
+from quadctl.lab.effect_curves import sketch
 from quadctl.lab.evaluation import Evaluation, evaluate
 from quadctl.lab.fitting.fitted_model import is_fitted_to
 from quadctl.lab.flights.dataset import Dataset, HoldOut, joined
@@ -16,7 +17,6 @@ from quadctl.lab.flights.preparation import prepare
 from quadctl.lab.planning.suggestion import Suggestion, suggest
 from quadctl.lab.report.results import Results, Shown
 from quadctl.lab.selection.diagnosis import Diagnosis
-from quadctl.lab.selection.effect_curves import sketch
 from quadctl.lab.selection.refit import Refit
 from quadctl.lab.sensors.answers import SensorAnswers, answers_on_sensors
 from quadctl.lab.study import Study

@@ -5,12 +5,6 @@ None of them may start a thread, which would not be there after a fork; polars d
 
 import gc
 
-import quadctl.lab.comparison.comparison
-import quadctl.lab.planning.suggestion
-import quadctl.lab.report.results
-import quadctl.lab.selection.diagnosis
-import quadctl.lab.selection.effect_curves
-import quadctl.lab.selection.evidence  # noqa: F401  (they are to be loaded; nothing here uses them)
 from quadctl.logs.memory import return_freed_memory
 
 return_freed_memory()

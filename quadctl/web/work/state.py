@@ -5,8 +5,8 @@ from dataclasses import dataclass, field
 from typing import Literal
 
 from quadctl.lab.evaluation import Evaluation
+from quadctl.lab.evidence import Evidence
 from quadctl.lab.planning.suggestion import Suggestion
-from quadctl.lab.selection.evidence import Evidence
 from quadctl.lab.tracking.step_response import StepResponses
 from quadctl.web.session.findings import Diagnosed
 

@@ -24,8 +24,8 @@ from quadctl.frames import (
 from quadctl.lab.finding import Kind
 from quadctl.lab.fitting.fitted_model import fit_model
 from quadctl.lab.fitting.nuisances import CAPTURED, KINDS, MOMENTS, bounds, nuisance_jacobian, predicted_with
-from quadctl.lab.flights.dataset import load_dataset
-from quadctl.lab.flights.prediction import predict_targets
+from quadctl.lab.flights.dataset import Dataset, load_dataset
+from quadctl.lab.flights.prediction import predict, predict_targets
 from quadctl.lab.selection.diagnosis import Diagnosis, diagnose
 from quadctl.logs.columns import rpm_columns
 from quadctl.logs.findings import Kind as RecordKind
@@ -152,6 +152,35 @@ class TestForceByTheAccelerometer:
         (flight,) = load_dataset([log], raptor).flights
         assert flight.trajectory is None and flight.sensed is not None
         assert np.abs(flight.measured - flight.sensed).max() > 1e-3
+
+    def test_where_the_velocity_is_doubted_along_an_axis_a_bias_is_found_nevertheless(self, raptor: Vehicle) -> None:
+        """The velocity east swings by itself; the accelerometer reads 0.5 m/s^2 too much to the right."""
+        log = flown(raptor, UPRIGHT, {})
+        wrong = log["vy_m_s"] + 0.2 * np.sin(1.3 * log.time_s)
+        log = replace(log, columns=log.columns | {"imu_y_m_s2": log["imu_y_m_s2"] + 0.5, "vy_m_s": wrong})
+        (flight,) = (flight.by_accelerometer((1,)) for flight in load_dataset([log], raptor).flights)
+        assert flight.doubted_axes == (1,) and not flight.tells_force
+        later = flight.with_velocity_lag(0.03)
+        for one in (flight, later):
+            assert one.sensed is not None and one.imu_error is not None
+            assert one.imu_error == pytest.approx(one.sensed - one.motion)
+            left = one.measured - one.sensed
+            assert np.ptp(left[:, 1]) < 1e-9 and np.ptp(left[:, 0]) > 1e-3
+        dataset = Dataset((flight,))
+        assert "sensing" in dataset.groups
+        bias = fit_model(Model(raptor).plus(ConstantBias()), dataset).model.effects[0].values()
+        assert [bias[axis] for axis in "xyz"] == pytest.approx([0.0, 0.5, 0.0], abs=0.03)
+        assert diagnose(Model(raptor), dataset, [ConstantBias]).missing == ["imu_bias"]
+
+    def test_along_a_doubted_axis_a_bias_is_predicted_without_its_mean(self, raptor: Vehicle) -> None:
+        log = flown(raptor, UPRIGHT, {})
+        (flight,) = (flight.by_accelerometer((1,)) for flight in load_dataset([log], raptor).flights)
+        turning = quaternion_from_euler(0.0 * flight.grid_s, 0.0 * flight.grid_s, 0.4 * flight.grid_s)
+        flight = replace(flight, conditions=replace(flight.conditions, attitude=turning))
+        with_bias = predict(Model(raptor).plus(ConstantBias(x=0.7)), flight) - predict(Model(raptor), flight)
+        east = flight.filtered(0.7 * np.sin(0.4 * flight.grid_s))
+        assert with_bias[:, 1] == pytest.approx(east - east.mean(), abs=1e-6)
+        assert np.abs(with_bias[:, [0, 2]]).max() < 1e-9
 
     def test_an_attitude_that_is_wrong_with_the_speed_is_no_drag(self, raptor: Vehicle) -> None:
         """Runs at up to 2 m/s, logged as pitched by 1 degree less for each m/s: a drag of 0.17 1/s, were the force that

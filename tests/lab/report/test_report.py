@@ -18,13 +18,13 @@ from quadctl.errors import LogError, SettingsError
 from quadctl.lab import plots
 from quadctl.lab.comparison.comparison import Comparison, compare
 from quadctl.lab.comparison.wording import FLOOR, number, p_in_words, quantity, roughly
+from quadctl.lab.effect_curves import effect_curves, ratio_curve
 from quadctl.lab.flights.dataset import load_dataset
 from quadctl.lab.report.numbers import lowest_floors, rmse_interval
 from quadctl.lab.report.page import render_report, write_report
 from quadctl.lab.report.results import Results, Shown
 from quadctl.lab.selection.addition import Addition, add
 from quadctl.lab.selection.diagnosis import Diagnosis, Verdict, diagnose
-from quadctl.lab.selection.effect_curves import effect_curves, ratio_curve
 from quadctl.lab.tracking.metrics import Window, metrics
 from quadctl.lab.tracking.step_response import StepResponses, step_responses
 from quadctl.logs.flight_log import FlightLog

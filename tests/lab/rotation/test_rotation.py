@@ -22,7 +22,7 @@ from quadctl.lab.rotation.innovations import Noise, Value, first_order
 from quadctl.lab.rotation.model import with_rotation
 from quadctl.lab.rotation.parameters import Rotation, differences, fit_rotation
 from quadctl.lab.rotation.records import Delayed, Record
-from quadctl.lab.rotation.regression import change, changed, fit_ridge
+from quadctl.lab.rotation.regression import change, changed
 from quadctl.lab.rotation.rollout import (
     Disturbances,
     Driven,
@@ -267,7 +267,7 @@ class TestRollouts:
         assert end.velocity[0, 2] == pytest.approx(-0.13 * GRAVITY_M_S2 * 0.2, rel=1e-2)
 
 
-class TestRidge:
+class TestChange:
     def test_a_change_leads_back_to_its_end(self) -> None:
         random = np.random.default_rng(3)
         q = random.standard_normal((2, 5, 4))
@@ -278,17 +278,6 @@ class TestRidge:
         np.testing.assert_allclose(back.velocity, end.velocity)
         np.testing.assert_allclose(back.rates, end.rates)
         assert rotation_vector(back.attitude, end.attitude) == pytest.approx(0.0, abs=1e-9)
-
-    def test_a_linear_map_is_found_and_noise_is_not(self) -> None:
-        random = np.random.default_rng(4)
-        weights = np.array([[1.0, 0.0], [-2.0, 0.0], [0.5, 0.0]])
-        x = [random.standard_normal((300, 3)) for _ in range(5)]
-        y = [f @ weights + np.array([[0.1, 1.0]]) * random.standard_normal((300, 2)) for f in x]
-        fit = fit_ridge(x, y)
-        assert fit.predict(np.eye(3))[:, 0] - fit.predict(np.zeros((1, 3)))[0, 0] == pytest.approx(
-            weights[:, 0], abs=0.05
-        )
-        assert np.abs(fit.predict(np.eye(3))[:, 1]).max() < 0.25
 
 
 SIH = DATA / "px4"

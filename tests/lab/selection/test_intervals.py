@@ -14,6 +14,7 @@ from quadctl.effects.rotor_drag import LinearDrag
 from quadctl.effects.tether import HangingTether
 from quadctl.effects.thrust_scale import ConstantScale
 from quadctl.lab.comparison.wording import interval_in_words, parameters_in_text, parameters_in_words
+from quadctl.lab.finding import parameters_of
 from quadctl.lab.flights.dataset import Dataset, load_dataset
 from quadctl.lab.selection.diagnosis import Diagnosis
 from quadctl.lab.selection.discovery import Discovery, discover
@@ -119,5 +120,5 @@ def test_a_parameter_at_a_bound_has_one_end() -> None:
     drag = LinearDrag(0.3, 0.0, 3.0)
     ci95 = {"d_x": (0.2, 0.4), "d_y": (0.0, 0.12), "d_z": (2.5, 3.0)}
     expected = "d_x = 0.3 [0.2, 0.4], d_y = 0 (at most 0.12), d_z = 3 (at least 2.5)"
-    assert parameters_in_words(drag, ci95) == expected
+    assert parameters_in_words(parameters_of(drag, ci95)["parameters"]) == expected
     assert "d_y = 0 1/s (at most 0.12)" in parameters_in_text(drag, ci95)

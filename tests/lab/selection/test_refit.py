@@ -17,7 +17,7 @@ from quadctl.errors import SettingsError
 from quadctl.lab.flights.dataset import Dataset, load_dataset
 from quadctl.lab.selection.addition import add
 from quadctl.lab.selection.refit import fit
-from quadctl.lab.selection.removal import held_effect, remove, without
+from quadctl.lab.selection.removal import held_effect, remove
 from quadctl.logs.csv_log import write_csv
 from quadctl.logs.flight_log import FlightLog
 from quadctl.model import Model, load_model, save_model
@@ -84,7 +84,7 @@ class TestFit:
 def low_and_high(truth: Model) -> list[FlightLog]:
     """One flight near the ground, and one so high that it does not feel it."""
     low = obedient(truth, 40.0, noise_m_s=0.01, name="low.csv")
-    high = obedient(without(truth.effects[1], truth), 40.0, noise_m_s=0.01, seed=1, name="high.csv")
+    high = obedient(truth.without(truth.effects[1]), 40.0, noise_m_s=0.01, seed=1, name="high.csv")
     return [low, dataclasses.replace(high, columns={**high.columns, "z_m": high["z_m"] + 3.0})]
 
 
@@ -201,7 +201,7 @@ class TestRemove:
             held_effect("hayden", Model(raptor))
 
     def test_without_a_fit_the_others_keep_their_parameters(self, truth: Model) -> None:
-        rest = without(truth.effects[1], truth)
+        rest = truth.without(truth.effects[1])
         assert rest.effects == (truth.effects[0],)
 
 

@@ -9,16 +9,17 @@ from quadctl.effects.payload import MassStep
 from quadctl.effects.rotor_fault import WeakRotor
 from quadctl.effects.rotor_interaction import FrontWake
 from quadctl.lab.comparison.wording import parameters_in_words, share_of_g
-from quadctl.lab.finding import Finding, Kind
+from quadctl.lab.finding import Finding, Kind, parameters_of
 from quadctl.lab.selection.candidate import Candidate
 from quadctl.lab.selection.diagnosis import Diagnosis
 from quadctl.lab.selection.wording import error_in_table, reason_against
 
 
 def test_parameters_that_the_data_choose_stand_beside_those_that_are_fitted() -> None:
-    assert parameters_in_words(WeakRotor(0.05, 3.0), {"loss": (0.04, 0.06)}) == "loss = 0.05 [0.04, 0.06], rotor = 3"
-    words = parameters_in_words(MassStep(-0.09, time_s=41.0, flight=2.0), {"mass_kg": (-0.1, -0.08)})
-    assert words == "mass_kg = -0.09 [-0.1, -0.08], time_s = 41, flight = 2"
+    weak = parameters_of(WeakRotor(0.05, 3.0), {"loss": (0.04, 0.06)})["parameters"]
+    assert parameters_in_words(weak) == "loss = 0.05 [0.04, 0.06], rotor = 3 (chosen)"
+    step = parameters_of(MassStep(-0.09, time_s=41.0, flight=2.0), {"mass_kg": (-0.1, -0.08)})["parameters"]
+    assert parameters_in_words(step) == "mass_kg = -0.09 [-0.1, -0.08], time_s = 41 (chosen), flight = 2 (chosen)"
 
 
 @pytest.mark.parametrize(

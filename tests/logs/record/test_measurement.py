@@ -4,11 +4,16 @@ and heights in the wash of the rotors."""
 import numpy as np
 import pytest
 
-from quadctl.frames import quaternion_from_euler, rotate
+from quadctl.frames import GRAVITY_M_S2, quaternion_from_euler, rotate
+from quadctl.logs.columns import rpm_columns
 from quadctl.logs.findings import Kind, of_kind
 from quadctl.logs.flight_log import ATTITUDE, POSITION, RATES, VELOCITY, FlightLog
+from quadctl.logs.record.lever_arm import at_centre_of_mass
 from quadctl.logs.record.record import examine
+from quadctl.model import Model
+from quadctl.vehicle import Vehicle
 from tests.logs.record.conftest import having
+from tests.support.flights import obedient
 
 RPM = tuple(f"motor{i}_rpm" for i in range(1, 5))
 
@@ -46,6 +51,30 @@ def test_the_drag_of_a_wind_along_a_leaning_body_is_no_other_point(
     told = of_kind(examine(log).findings, Kind.LEVER_ARM, Kind.HEIGHT_ERROR)
     arms = [] if arm_m is None else [[pytest.approx(part, abs=0.03) for part in arm_m]]
     assert [found.figures["arm_m"] for found in told] == arms
+
+
+@pytest.mark.parametrize(("lag_s", "roll_rad_s"), [(0.09, 1.0), (0.14, -1.5)])
+def test_a_thrust_that_follows_late_is_no_other_point(raptor: Vehicle, lag_s: float, roll_rad_s: float) -> None:
+    """Rotors that are not all alike roll the vehicle with its thrust, `roll_rad_s` per weight, and the thrust lags."""
+    log = obedient(Model(raptor), 60.0, noise_m_s=0.002)
+    t, v, w = log.time_s, np.array([[1.1], [3.3]]), 2.0 * np.pi * np.array([[0.17], [0.43], [0.9]])
+    climb = 0.5 * np.sin(w * log.time_s).sum(axis=0)
+    up = 0.5 * (w * np.cos(w * log.time_s)).sum(axis=0)
+    commanded = raptor.weight_n / GRAVITY_M_S2 * (GRAVITY_M_S2 + up + lag_s * np.gradient(up, t))
+    rpm = np.sqrt(commanded / raptor.n_rotors / raptor.rotor.thrust_n_per_rpm2)
+    log = having(
+        log,
+        z_m=3.0 - (0.5 / w * np.cos(w * t)).sum(axis=0),
+        vz_m_s=climb + 0.002 * np.random.default_rng(4).standard_normal(len(t)),
+        roll_rate_rad_s=roll_rad_s * up / GRAVITY_M_S2,
+        roll_deg=np.degrees(roll_rad_s * climb / GRAVITY_M_S2),
+        pitch_deg=np.degrees(0.1 * np.sin(v * t).sum(axis=0)),
+        pitch_rate_rad_s=(0.1 * v * np.cos(v * t)).sum(axis=0),
+        vx_m_s=(0.1 / v * GRAVITY_M_S2 * np.cos(v * t)).sum(axis=0),
+        vy_m_s=-roll_rad_s * (0.5 / w * np.cos(w * t)).sum(axis=0),
+        **dict.fromkeys(rpm_columns(raptor.n_rotors), rpm),
+    )
+    assert at_centre_of_mass(log, "rpm", ((3.0, 57.0),))[1] == []
 
 
 def test_an_attitude_that_was_commanded_is_put_on_the_clock_of_the_motion(excited: FlightLog) -> None:

@@ -5,12 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from quadctl.frames import euler_from_quaternion, multiply, quaternion_from_euler
 from quadctl.logs.findings import Kind, finding, of_kind
 from quadctl.logs.flight_log import ATTITUDE, IMU, POSITION, RATES, VELOCITY, FlightLog
 from quadctl.logs.record.copies import copies, without_copies
 from quadctl.logs.record.heading import heading_error
 from quadctl.logs.record.record import examine
-from tests.logs.record.conftest import Change, added, having, turned
+from tests.logs.record.conftest import Change, added, having, turned, with_imu
 
 
 def kinds(log: FlightLog) -> set[Kind]:
@@ -280,6 +281,22 @@ def test_an_accelerometer_that_follows_neither_velocity_nor_thrust_is_the_odd_wi
 
 def test_an_offset_of_the_accelerometer_is_no_disagreement(excited: FlightLog) -> None:
     assert Kind.WITNESSES_DISAGREE not in kinds(added(added(excited, "imu_x_m_s2", 0.4), "imu_z_m_s2", -0.3))
+
+
+def test_an_offset_that_turns_with_the_heading_is_no_disagreement(excited: FlightLog) -> None:
+    """At 45 degrees a second it comes back after 8 s, as quick as a manoeuvre in the world."""
+    heading = np.radians(45.0) * excited.time_s
+    attitude = quaternion_from_euler(*(np.radians(excited[name]) for name in ATTITUDE))
+    turning = multiply(attitude, quaternion_from_euler(0.0 * heading, 0.0 * heading, heading))
+    p, q, r = (excited[name] for name in RATES)
+    c, s = np.cos(heading), np.sin(heading)
+    rates = (c * p + s * q, c * q - s * p, r + np.radians(45.0))
+    angles = np.degrees(euler_from_quaternion(turning))
+    columns = dict(zip((*ATTITUDE, *RATES), (*angles, *rates), strict=True))
+    flight = with_imu(having(excited, **columns))
+    off = examine(added(added(flight, "imu_x_m_s2", 0.5), "imu_y_m_s2", -0.4))
+    assert not of_kind(off.findings, Kind.WITNESSES_DISAGREE)
+    assert all(name in off.log.columns for name in IMU)
 
 
 # --- copies -----------------------------------------------------------------------------------------------------------

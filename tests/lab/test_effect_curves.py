@@ -10,10 +10,9 @@ from quadctl.effects.ground_torque import Levelling
 from quadctl.effects.rotor_drag import LinearDrag
 from quadctl.effects.rotor_fault import WeakRotor
 from quadctl.effects.thrust_scale import ConstantScale
+from quadctl.lab.effect_curves import fitted_effect_curves, measured_ratio, ratio_as_flown, sketch
 from quadctl.lab.fitting.fitted_model import fit_as_it_stands
 from quadctl.lab.flights.dataset import load_dataset
-from quadctl.lab.selection.effect_curves import fitted_effect_curves, measured_ratio, ratio_as_flown, sketch
-from quadctl.lab.selection.wording import residual_label
 from quadctl.model import Model
 from tests.support.flights import obedient, to_and_fro
 
@@ -60,7 +59,7 @@ class TestMoments:
         curves = fitted_effect_curves(fit_as_it_stands(rigid.plus(WeakRotor(0.2)), dataset), 0)
         assert {curve.variable for curve in curves} == {"time"}
         labels = ["residual up / m/s²", "residual roll moment / N m", "residual pitch moment / N m"]
-        assert [residual_label(curve) for curve in curves] == labels
+        assert [curve.residual_label for curve in curves] == labels
         up, roll, pitch = (curve.fitted.mean.mean() for curve in curves)
         one_n = 0.2 * rigid.vehicle.weight_n / rigid.vehicle.n_rotors
         x, y, _ = rigid.vehicle.rotors[0].position_m

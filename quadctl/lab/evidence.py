@@ -4,11 +4,11 @@ from dataclasses import dataclass
 
 from quadctl.effects import Effect
 from quadctl.lab.comparison.wording import change_in_words
-from quadctl.lab.fitting.bootstrap import drop_interval
+from quadctl.lab.effect_curves import EffectCurve, fitted_effect_curves
 from quadctl.lab.fitting.fitted_model import FittedModel, fit_model
 from quadctl.lab.selection.candidate import LEAST_ERROR, measure_of
-from quadctl.lab.selection.effect_curves import EffectCurve, fitted_effect_curves
-from quadctl.lab.selection.removal import held_effect, without
+from quadctl.lab.selection.refit import drop_between
+from quadctl.lab.selection.removal import held_effect
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,11 +51,9 @@ def evidence_for(name: str, fit: FittedModel) -> Evidence:
         The model holds no such effect.
     """
     effect = held_effect(name, fit.model)
-    rest = fit_model(without(effect, fit.model), fit.dataset)
+    rest = fit_model(fit.model.without(effect), fit.dataset)
     found = rest.held_out_rmse, fit.held_out_rmse
     measure = measure_of([effect], *found)
-    first = 3 * fit.dataset.groups.index(measure)
-    columns = slice(first, first + 3)
     curves = fitted_effect_curves(fit, fit.model.effects.index(effect))
     return Evidence(
         effect=effect,
@@ -63,7 +61,5 @@ def evidence_for(name: str, fit: FittedModel) -> Evidence:
         curves=sorted(curves, key=lambda curve: curve.group != measure),
         before=found[0],
         after=found[1],
-        drop_ci95=drop_interval(
-            rest.held_out_residual[:, columns], fit.held_out_residual[:, columns], fit.dataset.block
-        ),
+        drop_ci95=drop_between(rest, fit, measure),
     )

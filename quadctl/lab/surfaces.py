@@ -33,8 +33,8 @@ class SurfaceComparison(Refit):
     names: tuple[str, ...]
     weights: Floats
     """Weight of the fountain over each surface, k_b + k_s, by itself, shape (surfaces,)."""
-    weight_draws: Floats
-    """Bootstrap draws of the weights, shape (draws, surfaces)."""
+    weight_ci95: Floats
+    """95 % intervals of the weights, shape (surfaces, 2)."""
     population: Population
 
     @property
@@ -47,13 +47,11 @@ class SurfaceComparison(Refit):
         return self.held_out_drop > 0.0 and is_significant(self.p_value)
 
     @cached_property
-    def thrust_ratios(self) -> dict[str, tuple[float, float, float]]:
+    def thrust_ratios(self) -> dict[str, tuple[float, ...]]:
         """Thrust ratio over each surface in hover at `HEIGHT_M`, with its 95 % interval."""
-        found = {}
-        for i, name in enumerate(self.names):
-            low, high = np.quantile(self.weight_draws[:, i], (0.025, 0.975))
-            found[name] = (self._ratio(self.weights[i]), self._ratio(float(low)), self._ratio(float(high)))
-        return found
+        weights = np.maximum(np.column_stack([self.weights, self.weight_ci95]), 0.0)
+        ratios = (tuple(float(quadrotor_ratio(HEIGHT_M, self.model.vehicle, w)) for w in own) for own in weights)
+        return dict(zip(self.names, ratios, strict=True))
 
     @property
     def next_weight_ci95(self) -> tuple[float, float]:
@@ -64,8 +62,7 @@ class SurfaceComparison(Refit):
     @property
     def least_known(self) -> str:
         """The surface whose weight has the widest interval."""
-        low, high = np.quantile(self.weight_draws, (0.025, 0.975), axis=0)
-        return self.names[int(np.argmax(high - low))]
+        return self.names[int(np.argmax(np.ptp(self.weight_ci95, axis=1)))]
 
     @property
     def conclusion(self) -> str:
@@ -82,7 +79,7 @@ class SurfaceComparison(Refit):
             "surfaces": {
                 name: {
                     "weight": float(self.weights[i]),
-                    "ci95": [float(q) for q in np.quantile(self.weight_draws[:, i], (0.025, 0.975))],
+                    "ci95": self.weight_ci95[i].tolist(),
                     "thrust_ratio": self.thrust_ratios[name][0],
                     "thrust_ratio_ci95": list(self.thrust_ratios[name][1:]),
                 }
@@ -97,12 +94,9 @@ class SurfaceComparison(Refit):
         table = Table(title=f"Surfaces, 95 % intervals; thrust over that far away, rotor plane at {HEIGHT_M:g} m")
         for heading in ("surface", "weight of the fountain", "thrust ratio"):
             table.add_column(heading)
-        for i, name in enumerate(self.names):
-            low, high = np.quantile(self.weight_draws[:, i], (0.025, 0.975))
-            ratio, least, most = self.thrust_ratios[name]
-            table.add_row(
-                name, f"{self.weights[i]:.3g} [{low:.3g}, {high:.3g}]", f"{ratio:.3f} [{least:.3f}, {most:.3f}]"
-            )
+        for name, weight, ci95 in zip(self.names, self.weights, self.weight_ci95, strict=True):
+            ratio = "{:.3f} [{:.3f}, {:.3f}]".format(*self.thrust_ratios[name])
+            table.add_row(name, "{:.3g} [{:.3g}, {:.3g}]".format(weight, *ci95), ratio)
         low, high = self.next_weight_ci95
         table.add_row("a new surface", f"{self.population.mean:.3g} [{low:.3g}, {high:.3g}]", "", style="dim")
         one, each = self.before[self.measure], self.after[self.measure]
@@ -113,9 +107,6 @@ class SurfaceComparison(Refit):
             *(f"Note: {remark}." for remark in self.remarks),
         ]
         return Group(table, Text("\n".join(lines)))
-
-    def _ratio(self, weight: float) -> float:
-        return float(quadrotor_ratio(HEIGHT_M, self.model.vehicle, max(weight, 0.0)))
 
 
 def compare_surfaces(model: Model, dataset: Dataset) -> SurfaceComparison:
@@ -148,16 +139,9 @@ def compare_surfaces(model: Model, dataset: Dataset) -> SurfaceComparison:
     weights = np.array([effect.weight(name) for name in names])
     variances = np.maximum(draws.var(axis=0, ddof=1), 1e-12)
     population = Population.of(weights, variances)
-    result = refitted(
-        SurfaceComparison,
-        one.model,
-        one,
-        each,
-        names=names,
-        weights=weights,
-        weight_draws=draws,
-        population=population,
-    )
+    ci95 = np.quantile(draws, (0.025, 0.975), axis=0).T
+    found: dict[str, Any] = {"names": names, "weights": weights, "weight_ci95": ci95, "population": population}
+    result = refitted(SurfaceComparison, one.model, one, each, **found)
     return replace(result, model=_with_population(result.model, names, weights, variances, population))
 
 

@@ -12,7 +12,7 @@ from quadctl.effects.thrust_scale import ConstantScale
 from quadctl.errors import SettingsError
 from quadctl.lab.flights.dataset import Dataset, load_dataset
 from quadctl.lab.selection.addition import add
-from quadctl.lab.selection.verification import Verification, verify
+from quadctl.lab.verification import Verification, verify
 from quadctl.logs.csv_log import write_csv
 from quadctl.model import Model, save_model
 from tests.support.flights import obedient

@@ -1,21 +1,23 @@
 """Curves of a fitted effect over the variables that it depends on: numbers for a plot, without its style."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from quadctl.effects import Conditions, Effect
 from quadctl.effects.ground_effect import LOWEST_HEIGHT_OVER_RADIUS, NearGround
-from quadctl.frames import GRAVITY_M_S2, euler_from_quaternion
+from quadctl.frames import GRAVITY_M_S2
 from quadctl.lab.arrays import Floats
 from quadctl.lab.fitting.fitted_model import FittedModel
+from quadctl.lab.fitting.flexible_regression import turned_by
 from quadctl.lab.fitting.noise import CorrelatedNoise
 from quadctl.lab.fitting.parameters import free_parameters, with_values
 from quadctl.lab.flights.dataset import Dataset
 from quadctl.lab.flights.flight import VARIABLE_NAMES
 from quadctl.lab.flights.prediction import MOMENTS, concerns
 from quadctl.lab.selection.addition import Addition
+from quadctl.lab.selection.wording import unit_of
 from quadctl.model import Model
 
 RATIO_DRAWS, CURVE_DRAWS = 400, 60
@@ -66,23 +68,14 @@ def ratio_curve(addition: Addition, index: int) -> RatioCurve:
     low, high = (h / radius for h in dataset.heights_m)
     begin = max(LOWEST_HEIGHT_OVER_RADIUS, min(0.75 * low, 1.0))
     x = np.geomspace(begin, max(1.15 * high, 2.0 * begin), 160)  # dense where the curve bends
-    models = _drawn_models(addition, index, RATIO_DRAWS)
-    draws = [ratio_at(model.effects[index], x * radius, addition.model) for model in models]
-    band = np.percentile(draws, [2.5, 97.5], axis=0)
-
-    expected = _predicted(_without(addition.model, index), dataset)[:, 2] + GRAVITY_M_S2
+    effect, *drawn = (m.effects[index] for m in (addition.model, *_drawn_models(addition, index, RATIO_DRAWS)))
+    band = np.percentile([ratio_at(each, x * radius, addition.model) for each in drawn], [2.5, 97.5], axis=0)
+    expected = _predicted(addition.model.without(effect), dataset)[:, 2] + GRAVITY_M_S2
     measured = _without_trims(addition.fit_after)
     ratio = (measured[:, 2] + GRAVITY_M_S2) / expected
     noise = (measured - _predicted(addition.model, dataset))[:, 2] / expected
-    heights = _variable(dataset, "height_over_radius")
-    return RatioCurve(
-        x,
-        ratio_at(addition.model.effects[index], x * radius, addition.model),
-        band[0],
-        band[1],
-        binned(heights, ratio, noise, dataset),
-        (low, high),
-    )
+    points = binned(_variable(dataset, "height_over_radius"), ratio, noise, dataset)
+    return RatioCurve(x, ratio_at(effect, x * radius, addition.model), band[0], band[1], points, (low, high))
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,6 +95,11 @@ class EffectCurve:
     binned_after: Binned
     fitted: Binned
     """Contribution of the effect in the same bins; its error is the spread of the bootstrap draws."""
+
+    @property
+    def residual_label(self) -> str:
+        """Axis label of the residual: `residual forward / m/s²`."""
+        return f"residual {self.component} / {unit_of(self.group)}"
 
 
 def effect_curves(addition: Addition, index: int) -> list[EffectCurve]:
@@ -130,54 +128,32 @@ def _without_trims(fit: FittedModel, group: str = "total") -> Floats:
 
 def _curves(fit: FittedModel, index: int, drawn: Sequence[Model]) -> list[EffectCurve]:
     """Curves of one effect of the stack; `drawn` are copies of the model whose spread is the error of the effect."""
-    effect, found = fit.model.effects[index], []
-    for group in fit.dataset.groups:
-        if concerns(effect, group):
-            found += _curves_of_group(fit, index, drawn, group)
-    return found
+    groups = [group for group in fit.dataset.groups if concerns(fit.model.effects[index], group)]
+    return [curve for group in groups for curve in _curves_of_group(fit, fit.model.effects[index], drawn, group)]
 
 
-def _curves_of_group(fit: FittedModel, index: int, drawn: Sequence[Model], group: str) -> list[EffectCurve]:
+def _curves_of_group(fit: FittedModel, effect: Effect, drawn: Sequence[Model], group: str) -> list[EffectCurve]:
     """Curves of one effect in a measured group; none where it does nothing there."""
     model, dataset = fit.model, fit.dataset
-    without = _predicted(_without(model, index), dataset, group)
-    full = _predicted(model, dataset, group)
+    without, full, *others = (_predicted(m, dataset, group) for m in (model.without(effect), model, *drawn))
     measured = _without_trims(fit, group)
-    changes = [measured - without, measured - full, full - without]
-    changes += [_predicted(each, dataset, group) - without for each in drawn]
+    changes = [measured - without, measured - full, full - without, *(other - without for other in others)]
     if group != "turning":
-        heading = _heading(dataset)
-        changes = [_in_heading(change, heading) for change in changes]
-    before, after, push, *draws = changes
-    if not push.any():
+        changes = [_in_heading(change, dataset) for change in changes]
+    if not changes[2].any():
         return []
-
-    variables = [name for name in model.effects[index].depends_on if dataset.variable(name) is not None]
-    pairs = [(name, BODY_AXES.index(_ACROSS.get(name, "up"))) for name in variables]
+    pairs = [(name, BODY_AXES.index(_ACROSS.get(name, "up"))) for name in _logged(effect.depends_on, dataset)]
     if pairs and group != "total":
         # A moment near the ground goes with the lean as well: over height alone, its means would be a zigzag.
-        a = int(np.argmax(np.mean(push**2, axis=0)))
-        known = [name for name in VARIABLE_NAMES if dataset.variable(name) is not None]
-        pairs = [(max(known, key=lambda name: _followed(push[:, a], _variable(dataset, name), dataset)), a)]
+        pairs = [_closest(changes[2], _logged(VARIABLE_NAMES, dataset), dataset)]
     found = []
-    for variable, a in pairs or [("time", a) for a in _pushed(push)]:
-        x = _variable(dataset, variable)
-        fitted = binned(x, push[:, a], after[:, a], dataset)
-        means = [binned(x, d[:, a], None, dataset).mean for d in draws] or [fitted.mean]
-        spread = np.std(means, axis=0)
-        found.append(
-            EffectCurve(
-                variable,
-                group,
-                COMPONENTS[group][a],
-                x,
-                before[:, a],
-                after[:, a],
-                binned(x, before[:, a], after[:, a], dataset),
-                binned(x, after[:, a], after[:, a], dataset),
-                Binned(fitted.x, fitted.mean, spread),
-            )
-        )
+    for variable, a in pairs or [("time", a) for a in _pushed(changes[2])]:
+        x, (before, after, push, *draws) = _variable(dataset, variable), (change[:, a] for change in changes)
+        of_before, of_after, fitted = (binned(x, values, after, dataset) for values in (before, after, push))
+        means = [binned(x, d, None, dataset).mean for d in draws] or [fitted.mean]
+        fitted = replace(fitted, error=np.std(means, axis=0))
+        component = COMPONENTS[group][a]
+        found.append(EffectCurve(variable, group, component, x, before, after, of_before, of_after, fitted))
     return found
 
 
@@ -199,28 +175,35 @@ def sketch(model: Model, dataset: Dataset) -> Sketch | None:
     The effect was fitted together with the per-flight bias, which is a constant: so the residual is drawn with the
     mean of the effect in each flight.
     """
-    index = len(model.stack) - 1
-    without = _predicted(_without(model, index), dataset)
-    heading = _heading(dataset)
-    push = _in_heading(_predicted(model, dataset) - without, heading)
+    effect = model.effects[-1]
+    without = _predicted(model.without(effect), dataset)
+    push, residual = (_in_heading(v - without, dataset) for v in (_predicted(model, dataset), dataset.measured))
     if not push.any():
         return None
-    residual = _in_heading(dataset.measured - without, heading)
-    names = [name for name in model.effects[index].depends_on if dataset.variable(name) is not None]
-    a = int(np.argmax(np.mean(push**2, axis=0)))
     # Over another variable, as forward speed for a drag to the side, the means of a smooth effect are a zigzag.
-    variable = max(names or ["time"], key=lambda name: _followed(push[:, a], _variable(dataset, name), dataset))
+    variable, a = _closest(push, _logged(effect.depends_on, dataset) or ["time"], dataset)
     x = _variable(dataset, variable)
     for part in dataset.parts:
         residual[part] += (push[part] - residual[part]).mean(axis=0)
-    before, effect = (binned(x, values[:, a], None, dataset) for values in (residual, push))
-    return Sketch(variable, BODY_AXES[a], before, effect)
+    dots, line = (binned(x, values[:, a], None, dataset) for values in (residual, push))
+    return Sketch(variable, BODY_AXES[a], dots, line)
 
 
-def _followed(push: Floats, x: Floats, dataset: Dataset) -> float:
-    """Share of the variance of an effect, shape (n,), that its means over bins of a variable have."""
-    means = binned(x, push, None, dataset)
-    return float(np.var(np.interp(x, means.x, means.mean))) if len(means.x) > 1 else 0.0
+def _logged(names: Iterable[str], dataset: Dataset) -> list[str]:
+    return [name for name in names if dataset.variable(name) is not None]
+
+
+def _closest(push: Floats, names: Sequence[str], dataset: Dataset) -> tuple[str, int]:
+    """The variable that an effect, shape (n, 3), follows most closely along its largest axis, and that axis."""
+    a = int(np.argmax(np.mean(push**2, axis=0)))
+
+    def followed(name: str) -> float:
+        """Share of the variance that the means over bins of a variable have."""
+        x = _variable(dataset, name)
+        means = binned(x, push[:, a], None, dataset)
+        return float(np.var(np.interp(x, means.x, means.mean))) if len(means.x) > 1 else 0.0
+
+    return max(names, key=followed), a
 
 
 def hover_ratio(model: Model, height_m: Floats, forward_m_s: Floats) -> Floats:
@@ -245,12 +228,10 @@ def measured_ratio(dataset: Dataset, variable: str) -> Binned | None:
     x = dataset.variable(variable)
     if x is None:
         return None
-    rigid = Model(dataset.flights[0].vehicle)
-    expected = _predicted(rigid, dataset)[:, 2] + GRAVITY_M_S2
+    expected = _predicted(Model(dataset.flights[0].vehicle), dataset)[:, 2] + GRAVITY_M_S2
     ratio = (dataset.measured[:, 2] + GRAVITY_M_S2) / expected
-    edges = np.quantile(x, np.linspace(0.0, 1.0, RATIO_BINS + 1))
-    level = np.interp(x, *_means(x, ratio, edges))
-    return binned(x, ratio, ratio - level, dataset)
+    means = binned(x, ratio, None, dataset)
+    return binned(x, ratio, ratio - np.interp(x, means.x, means.mean), dataset)
 
 
 def ratio_as_flown(model: Model, dataset: Dataset, variable: str) -> Binned | None:
@@ -264,48 +245,32 @@ def ratio_as_flown(model: Model, dataset: Dataset, variable: str) -> Binned | No
         return binned(x, hover_ratio(model, height_m, speed), None, dataset)
 
 
-def _means(x: Floats, values: Floats, edges: Floats) -> tuple[Floats, Floats]:
-    """Means of `x` and of `values` between neighbouring edges, without empty bins."""
-    index = np.clip(np.searchsorted(edges, x, side="right") - 1, 0, len(edges) - 2)
-    inside = [index == b for b in np.unique(index)]
-    return np.array([x[i].mean() for i in inside]), np.array([values[i].mean() for i in inside])
-
-
-def binned(
-    x: Floats, values: Floats, noise: Floats | None, dataset: Dataset, shown: np.ndarray | None = None
-) -> Binned:
-    """Means of `values` in bins of `x` with about the same number of samples each, for the samples `shown`.
+def binned(x: Floats, values: Floats, noise: Floats | None, dataset: Dataset) -> Binned:
+    """Means of `values` in bins of `x` with about the same number of samples each.
 
     Standard errors are computed from `noise`, i.e. `values` without their structure; without `noise` they are 0.
     """
-    use = np.ones(len(x), dtype=bool) if shown is None else shown
-    edges = np.unique(np.quantile(x[use], np.linspace(0.0, 1.0, RATIO_BINS + 1)))
-    index = np.where(use, np.clip(np.searchsorted(edges, x, side="right") - 1, 0, max(len(edges) - 2, 0)), -1)
-    centre, mean, error = [], [], []
-    correlated = None if noise is None else CorrelatedNoise(noise, dataset)
-    for b in np.unique(index[use]):
-        inside = index == b
-        centre.append(x[inside].mean())
-        mean.append(values[inside].mean())
-        error.append(0.0 if correlated is None else correlated.variance_of_sum(inside / inside.sum()) ** 0.5)
-    return Binned(np.array(centre), np.array(mean), np.array(error))
+    edges = np.unique(np.quantile(x, np.linspace(0.0, 1.0, RATIO_BINS + 1)))
+    index = np.clip(np.searchsorted(edges, x, side="right") - 1, 0, max(len(edges) - 2, 0))
+    bins = [index == b for b in np.unique(index)]
+    error = np.zeros(len(bins))
+    if noise is not None:
+        correlated = CorrelatedNoise(noise, dataset)
+        error = np.array([correlated.variance_of_sum(inside / inside.sum()) ** 0.5 for inside in bins])
+    return Binned(np.array([x[b].mean() for b in bins]), np.array([values[b].mean() for b in bins]), error)
 
 
 def _drawn_models(addition: Addition, index: int, number: int) -> list[Model]:
     """Copies of the model, in which one effect has the parameters of some of the bootstrap draws."""
     free = free_parameters(addition.model)
     own = [i for i, f in enumerate(free) if f.effect == index]
-    draws = addition.draws[:number]
+    draws = addition.fit_after.draws[:number]
     return [with_values(addition.model, [free[i] for i in own], draw[own]) for draw in draws]
 
 
 def _predicted(model: Model, dataset: Dataset, group: str = "total") -> Floats:
     """Prediction of a measured group, shape (n, 3); the flights are aligned for the model."""
     return dataset.aligned_for(model).predicted_group(model, group)
-
-
-def _without(model: Model, index: int) -> Model:
-    return replace(model, stack=tuple(item for i, item in enumerate(model.stack) if i != index))
 
 
 def ratio_at(effect: Effect, height_m: Floats, model: Model) -> Floats:
@@ -320,19 +285,10 @@ def _variable(dataset: Dataset, name: str) -> Floats:
     return np.zeros(len(dataset.measured)) if found is None else found
 
 
-def _heading(dataset: Dataset) -> Floats:
-    """Yaw of every sample, rad."""
-    yaw = [
-        flight.filtered(np.unwrap(np.asarray(euler_from_quaternion(flight.conditions.attitude)[2])))
-        for flight in dataset.flights
-    ]
-    return np.concatenate(yaw)
-
-
-def _in_heading(values: Floats, yaw: Floats) -> Floats:
-    """Rotate north, east, up to forward, right, up of a level vehicle with that heading."""
-    north, east, up = values.T
-    return np.column_stack([np.cos(yaw) * north + np.sin(yaw) * east, np.cos(yaw) * east - np.sin(yaw) * north, up])
+def _in_heading(values: Floats, dataset: Dataset) -> Floats:
+    """Turn north, east, up to forward, right, up of a level vehicle with the heading of the flights."""
+    heading = np.concatenate([flight.heading_rad for flight in dataset.flights])
+    return np.column_stack([turned_by(values[:, :2], -heading), values[:, 2]])
 
 
 def _pushed(push: Floats) -> list[int]:

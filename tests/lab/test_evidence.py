@@ -8,9 +8,9 @@ import pytest
 from quadctl.effects.ground_effect import Exponential
 from quadctl.effects.thrust_scale import ConstantScale
 from quadctl.errors import SettingsError
+from quadctl.lab.evidence import evidence_for
 from quadctl.lab.fitting.fitted_model import FittedModel, fit_model
 from quadctl.lab.flights.dataset import load_dataset
-from quadctl.lab.selection.evidence import evidence_for
 from quadctl.model import Model
 from quadctl.vehicle import Vehicle
 from tests.support.flights import obedient

@@ -11,7 +11,7 @@ The bias of a flight (`nuisances`) is fitted in both, so that what flights of on
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 from rich.console import Group, RenderableType
@@ -20,7 +20,7 @@ from rich.text import Text
 from scipy import special
 
 from quadctl.errors import SettingsError
-from quadctl.lab.fitting.fitted_model import FittedModel, fit_model
+from quadctl.lab.fitting.fitted_model import FittedModel, fit_as_it_stands, fit_model
 from quadctl.lab.fitting.parameters import undetermined
 from quadctl.lab.fitting.significance import improvement_p_value
 from quadctl.lab.flights.dataset import Dataset
@@ -47,6 +47,11 @@ class Change(NamedTuple):
     sigmas: float
     """Difference over the standard error of the difference."""
 
+    def to_dict(self) -> dict[str, Any]:
+        (value, *ci95), (now, *now_ci95) = self.before, self.now
+        intervals = {"value": value, "ci95": ci95, "now": now, "now_ci95": now_ci95}
+        return {"effect": self.effect, "parameter": self.parameter, **intervals, "sigmas": self.sigmas}
+
 
 @dataclass(frozen=True)
 class FlightCheck:
@@ -67,6 +72,17 @@ class FlightCheck:
     def holds(self) -> bool:
         return not self.changes and not self.missing
 
+    def to_dict(self) -> dict[str, Any]:
+        return {
+            "flight": self.flight,
+            "holds": self.holds,
+            "error_m_s2": self.error_m_s2,
+            "refitted_m_s2": self.refitted_m_s2,
+            "changes": [change.to_dict() for change in self.changes],
+            "missing": list(self.missing),
+            "not_determined": list(self.silent),
+        }
+
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Verification(Result):
@@ -83,29 +99,7 @@ class Verification(Result):
         return {
             "holds": self.holds,
             "false_alarm_rate": FALSE_ALARMS,
-            "flights": [
-                {
-                    "flight": check.flight,
-                    "holds": check.holds,
-                    "error_m_s2": check.error_m_s2,
-                    "refitted_m_s2": check.refitted_m_s2,
-                    "changes": [
-                        {
-                            "effect": c.effect,
-                            "parameter": c.parameter,
-                            "value": c.before[0],
-                            "ci95": list(c.before[1:]),
-                            "now": c.now[0],
-                            "now_ci95": list(c.now[1:]),
-                            "sigmas": c.sigmas,
-                        }
-                        for c in check.changes
-                    ],
-                    "missing": list(check.missing),
-                    "not_determined": list(check.silent),
-                }
-                for check in self.checks
-            ],
+            "flights": [check.to_dict() for check in self.checks],
         }
 
     def __rich__(self) -> RenderableType:
@@ -144,7 +138,7 @@ def verify(
     SettingsError
         The model holds no parameter with an interval, so that no change could be told.
     """
-    known = [name for item in model.stack if item.fitted is not None for name in item.fitted.ci95]
+    known = [name for item in model.stack for name in item.ci95]
     if not known:
         raise SettingsError(f"{model.name}: holds no parameter with an interval, expected a model that was fitted")
     limit = -float(special.ndtri(0.5 * FALSE_ALARMS / (len(known) * len(flights))))
@@ -174,10 +168,10 @@ def _refitted_effects(model: Model, dataset: Dataset, p_limit: float) -> tuple[F
     effects freed before it do not explain what changed.
     """
     freed: frozenset[int] = frozenset()
-    before = after = fit_model(_held_but(model, freed), dataset)
+    before = after = fit_as_it_stands(model, dataset)
     while len(freed) < len(model.stack):
         others = (i for i in range(len(model.stack)) if i not in freed)
-        trials = {i: fit_model(_held_but(model, freed | {i}), dataset) for i in others}
+        trials = {i: fit_as_it_stands(model, dataset, freed | {i}) for i in others}
         best = min(trials, key=lambda i: trials[i].held_out_rmse["total"])
         lower = after.held_out_residual - trials[best].held_out_residual
         if improvement_p_value(after.held_out_residual, lower, dataset) >= p_limit:
@@ -186,17 +180,12 @@ def _refitted_effects(model: Model, dataset: Dataset, p_limit: float) -> tuple[F
     return before, after
 
 
-def _held_but(model: Model, freed: frozenset[int]) -> Model:
-    """The model whose effects keep their parameters in a fit, but those of the indices `freed`."""
-    return replace(model, stack=tuple(replace(item, held=i not in freed) for i, item in enumerate(model.stack)))
-
-
 def _changes(model: Model, after: FittedModel, limit: float) -> tuple[Change, ...]:
     found = []
     blind = undetermined(after.free, after.intervals)
     for free, (low, high) in zip(after.free, after.intervals, strict=True):
         item, name = model.stack[free.effect], free.parameter.name
-        old = item.fitted.ci95.get(name) if item.fitted is not None else None
+        old = item.ci95.get(name)
         if old is None or free in blind:
             continue
         before, now = getattr(item.effect, name), getattr(after.model.effects[free.effect], name)
