@@ -33,25 +33,20 @@ def rotation(
 
     Moment gains, rotor lag, damping and thrust map follow from commands and IMU; a position is not needed.
     """
-    from quadctl.lab.rotation.model import with_rotation
-    from quadctl.lab.rotation.parameters import fit_rotation
-    from quadctl.lab.rotation.records import records_of
-    from quadctl.lab.rotation.unseen import forecast_unseen
+    from quadctl.lab.rotation import interface
     from quadctl.lab.rotation.words import answer, forecasts
     from quadctl.logs.read import read_imu_log
-    from quadctl.logs.record.copies import without_copies
     from quadctl.model import load_model, save_model
 
     model = load_model(vehicle)
-    read = without_copies([read_imu_log(path) for path in logs])
-    records = [record for log in read for record in records_of(log, model.vehicle)]
+    read = [read_imu_log(path) for path in logs]
     with console.status("estimating"):
-        found = fit_rotation(records, model.vehicle)
-        unseen = forecast_unseen(read, model.vehicle) if rollouts else None
+        found = interface.identify_rotation(model, read)
+        unseen = interface.rollouts(model, read) if rollouts else None
     console.print(answer(found))
     if unseen is not None:
         console.print(forecasts(unseen))
     write_json(json_out, found.to_dict() | ({"rollouts": unseen.to_dict()} if unseen is not None else {}))
     if output is not None:  # a refusal of a new model loses nothing of what was found
-        save_model(with_rotation(model, found), output)
+        save_model(interface.add_rotation(model, found), output)
         print_saved(output)

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from quadctl.lab.estimator import FlightModel
     from quadctl.lab.interface import add, compare, diagnose, discover, fit, judge, remove, suggest
+    from quadctl.lab.rotation.interface import add_rotation, identify_rotation, rollouts
     from quadctl.lab.study import Study, prepare_flights
     from quadctl.logs.read import read_log, read_logs
     from quadctl.model import Model, load_model, save_model
@@ -24,22 +25,26 @@ __all__ = [
     "Model",
     "Study",
     "add",
+    "add_rotation",
     "compare",
     "diagnose",
     "discover",
     "fit",
+    "identify_rotation",
     "judge",
     "load_model",
     "prepare_flights",
     "read_log",
     "read_logs",
     "remove",
+    "rollouts",
     "save_model",
     "suggest",
 ]
 
 _HOMES = {
     "FlightModel": "quadctl.lab.estimator",
+    **dict.fromkeys(("add_rotation", "identify_rotation", "rollouts"), "quadctl.lab.rotation.interface"),
     **dict.fromkeys(("Study", "prepare_flights"), "quadctl.lab.study"),
     **dict.fromkeys(("Model", "load_model", "save_model"), "quadctl.model"),
     **dict.fromkeys(("read_log", "read_logs"), "quadctl.logs.read"),

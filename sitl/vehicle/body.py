@@ -82,7 +82,11 @@ class SimulatedBody:
         torque = vehicle.rotor.thrust_n_per_rpm2 * vehicle.rotor.torque_to_thrust_m
         self._watts_per_rpm3 = torque * (math.pi / 30.0) * 1.6  # electrical over mechanical
         self._stopped: tuple[float | None, ...] = (None,) * vehicle.n_rotors
-        self._commands = deque([self._stopped], maxlen=1 + round(vehicle.rotor.delay_s / STEP_S))
+        self._commands: deque[tuple[float | None, ...]] = deque(
+            [self._stopped] * round(vehicle.rotor.delay_s / STEP_S), maxlen=1 + round(vehicle.rotor.delay_s / STEP_S)
+        )
+        self._before_n: list[float] | None = None
+        """Nominal thrust of each rotor one step ago, where the truth depends on its change."""
         self._output_per_newton = vehicle.throttle.per_newton * vehicle.n_rotors
         lag = vehicle.rotor.time_constant_s
         self._rotor_share = 1.0 if lag < 1e-6 else 1.0 - math.exp(-STEP_S / lag)
@@ -94,9 +98,9 @@ class SimulatedBody:
     def step(self, outputs: list[float], armed: bool) -> None:
         """Advance by STEP_S; `outputs` are the motor outputs, 0..1."""
         self._commands.append(tuple(outputs) if armed else self._stopped)
-        before = self._nominal_n() if self.truth.needs_thrust_rate else None
+        self._before_n = self._nominal_n() if self.truth.needs_thrust_rate else None
         self._turn_rotors(self._commands[0])
-        force_body, torque = self._force_and_torque(before)
+        force_body, torque = self._force_and_torque()
         fx, fy, fz = rotate(self.attitude, force_body)
         fz += self.vehicle.weight_n
         contact = self._contact_force()
@@ -146,8 +150,7 @@ class SimulatedBody:
         k = self.vehicle.rotor.thrust_n_per_rpm2
         return [k * rpm * rpm for rpm in self.rpm]
 
-    def _force_and_torque(self, before_n: Sequence[float] | None) -> tuple[Vec3, Vec3]:
-        """Force and moment; `before_n` is the nominal thrust one step ago, where the truth depends on its change."""
+    def _force_and_torque(self) -> tuple[Vec3, Vec3]:
         vehicle, truth = self.vehicle, self.truth
         thrusts = self._nominal_n()
         if not truth.stack:
@@ -155,7 +158,8 @@ class SimulatedBody:
         north, east, down = self.position
         velocity_body = rotate_inverse(self.attitude, self.velocity)
         volts, place, rates = self.battery.voltage_v, self._ground, self.rates
-        change = () if before_n is None else [(n - b) / STEP_S for n, b in zip(thrusts, before_n, strict=True)]
+        before = self._before_n
+        change = () if before is None else [(n - b) / STEP_S for n, b in zip(thrusts, before, strict=True)]
         c = conditions(
             vehicle, -down, velocity_body, self.attitude, self.time_s, volts, (north, east), place, rates, change
         )

@@ -19,6 +19,7 @@ from quadctl.effects import Conditions, Effect
 from quadctl.effects.airspeed_moment import IsotropicMoment
 from quadctl.effects.battery_sag import LinearSag, PowerSag
 from quadctl.effects.body_drag import QuadraticDrag
+from quadctl.effects.centre_of_mass import FixedOffset
 from quadctl.effects.ground_effect import Exponential
 from quadctl.effects.ground_torque import Levelling
 from quadctl.effects.inflow import AxialInflow
@@ -31,12 +32,13 @@ from quadctl.effects.rotor_interaction import FrontWake
 from quadctl.effects.rotor_reaction import InertialReaction
 from quadctl.effects.tether import HangingTether
 from quadctl.effects.thrust_curve import PowerCurve
-from quadctl.effects.thrust_map import LineMap
+from quadctl.effects.thrust_map import LineMap, VoltageMap
 from quadctl.effects.thrust_scale import ConstantScale
 from quadctl.effects.thrust_tilt import FixedTilt
 from quadctl.effects.translational_lift import HorizontalLift
 from quadctl.effects.wind import Push, SteadyWind, WindOfBothDrags, WindOfEachFlight
 from quadctl.errors import SettingsError
+from quadctl.export.centred import centred
 from quadctl.frames import GRAVITY_M_S2, Quaternion, multiply, quaternion_from_euler, rotate, rotate_inverse
 from quadctl.model import Model
 from quadctl.sitl.vehicle.body import SimulatedBody
@@ -485,6 +487,24 @@ def test_a_rotor_that_spins_up_turns_the_body_against_its_spin(raptor: Vehicle) 
     assert InertialReaction(0.08).torque([HOVER_N] * 4, at(), raptor) == (0.0, 0.0, 0.0)
 
 
+def test_a_delay_of_the_command_comes_before_the_lag(raptor: Vehicle) -> None:
+    """10 ms are five steps, in which the rotors do not yet turn."""
+    late = Vehicle.model_validate(
+        raptor.model_dump(exclude_none=True) | {"rotor": raptor.rotor.model_dump() | {"delay_s": 0.01}}
+    )
+    bodies = SimulatedBody(Model(late)), SimulatedBody(Model(raptor))
+    turned = []
+    for body in bodies:
+        rpm = []
+        for _ in range(20):
+            body.step([0.5] * 4, armed=True)
+            rpm.append(body.rpm[0])
+        turned.append(rpm)
+    assert turned[0][:5] == [0.0] * 5
+    assert turned[0][5:] == pytest.approx(turned[1][:15], rel=1e-3)
+    assert turned[1][0] > 0.0
+
+
 def test_the_simulated_body_keeps_its_angular_momentum_with_that_of_its_rotors(raptor: Vehicle) -> None:
     """What it turns faster by than without the rotors' inertia is lead x c x change of the thrusts over its own."""
 
@@ -646,6 +666,33 @@ def test_a_thrust_map_by_hand(raptor: Vehicle) -> None:
     """Four rotors of 3 N with 20 % more slope, and a tenth of the weight of 14.71 N on top: 3.6 + 0.368 N each."""
     thrust = LineMap(factor=1.2, offset=0.1).rotor_thrust([3.0] * 4, at(), raptor)
     assert thrust == pytest.approx([3.6 + 0.1 * raptor.weight_n / 4] * 4)
+
+
+def test_a_thrust_map_with_voltage_by_hand(raptor: Vehicle) -> None:
+    """Hover takes w = V / V_ref of each rotor: 0.9 at 14.4 V, so W / 4 (0.7 x 0.9 + 0.4 x 0.81)."""
+    thrust_map, each = VoltageMap(linear=0.7, square=0.4, reference_v=16.0), raptor.weight_n / 4
+    assert thrust_map.rotor_thrust([each] * 4, at(volts=14.4), raptor) == pytest.approx([0.954 * each] * 4)
+    assert thrust_map.rotor_thrust([each] * 4, at(volts=float("nan")), raptor) == pytest.approx([1.1 * each] * 4)
+    more_n = 1.5 * each
+    w = (raptor.throttle.offset + raptor.throttle.per_newton * 4 * more_n) / raptor.hover_throttle
+    one = thrust_map.rotor_thrust([more_n, each, each, each], at(), raptor)[0]
+    assert one == pytest.approx(each * (0.7 * w + 0.4 * w * w))
+
+
+def test_the_reference_of_a_thrust_map_is_the_mean_voltage(raptor: Vehicle) -> None:
+    flights = [at(volts=np.array([16.0, 15.0])), at(volts=np.array([14.0, 13.0]))]
+    (start,) = VoltageMap.starts(flights, raptor)
+    assert start.values()["reference_v"] == pytest.approx(14.5)
+
+
+def test_a_centre_of_mass_forward_and_right_turns_down_there(raptor: Vehicle) -> None:
+    """12 N at 5 mm and 3 mm: pitch down by 0.06, roll right by 0.036 N m; the moments about the shifted point."""
+    offset, thrust = FixedOffset(forward_mm=5.0, right_mm=3.0), [3.5, 2.5, 3.2, 2.8]
+    assert offset.torque(thrust, at(), raptor) == pytest.approx((0.036, -0.06, 0.0))
+    shifted = centred(Model(raptor).plus(offset))
+    assert shifted.effects == ()
+    expected = Model(raptor).plus(offset).body_torque(thrust, at())
+    assert shifted.body_torque(thrust, at()) == pytest.approx(expected)
 
 
 def test_a_battery_that_sags_by_a_tenth_takes_a_fifth_of_the_thrust(raptor: Vehicle) -> None:

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from quadctl.effects.body_drag import QuadraticDrag
+from quadctl.effects.centre_of_mass import FixedOffset
 from quadctl.effects.ground_effect import Exponential
 from quadctl.effects.inflow import AxialInflow
 from quadctl.effects.rotor_drag import LinearDrag
@@ -88,6 +89,16 @@ def test_each_rotor_turns_the_vehicle_as_in_the_model(raptor: Vehicle) -> None:
         _, found = accelerations(vehicle, np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0]), np.zeros(3), speeds)
         expected = np.array(raptor.rotor_torque(list(each))) / raptor.principal_inertia_kg_m2
         assert found == pytest.approx(expected, abs=1e-9)
+
+
+def test_a_centre_of_mass_that_is_off_is_in_the_places_of_the_rotors(raptor: Vehicle) -> None:
+    model = Model(raptor).plus(FixedOffset(forward_mm=6.0, right_mm=-4.0))
+    each = np.array([3.0, 3.5, 2.8, 3.1])
+    speeds = np.sqrt(each / raptor.rotor.thrust_n_per_rpm2) * np.pi / 30.0
+    _, found = accelerations(flown(model), np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0]), np.zeros(3), speeds)
+    c = conditions(raptor, 10.0, (0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0))
+    expected = np.array(model.body_torque(list(each), c)) / raptor.principal_inertia_kg_m2
+    assert found == pytest.approx(expected, abs=1e-9)
 
 
 def test_a_held_out_flight_is_predicted_at_most_a_tenth_worse(held_out: HeldOut) -> None:

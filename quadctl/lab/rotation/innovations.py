@@ -105,7 +105,7 @@ def held_response(
         late = followed(pole)
         x, y = (followed(rate_1_s) - late) / (1.0 - rate_1_s * lag_s), pole * late
     # Of y' the answer is y - rate x.
-    return (1.0 - lead_s * rate_1_s) * x + lead_s * y + steady
+    return np.asarray((1.0 - lead_s * rate_1_s) * x + lead_s * y + steady)
 
 
 def _held(decay_1_s: float, time_s: float) -> float:

@@ -16,6 +16,7 @@ from quadctl.effects.rotor_drag import LinearDrag
 from quadctl.effects.rotor_reaction import InertialReaction
 from quadctl.errors import SettingsError
 from quadctl.frames import GRAVITY_M_S2
+from quadctl.lab import identify_rotation
 from quadctl.lab.arrays import Floats
 from quadctl.lab.rotation.innovations import Noise, Value, first_order
 from quadctl.lab.rotation.model import with_rotation
@@ -294,6 +295,8 @@ def test_the_command_tells_the_drag_of_the_simulator_and_no_more_than_was_flown(
     low, high = found["drag"]["d_x"]["ci95"]
     assert low < 1.0 < high < 1.2
     assert "d_y" not in found["drag"]
+    from_python = identify_rotation(SIH / "sih_quadx.yaml", SIH / "B_forward.ulg")
+    assert json.loads(json.dumps(from_python.to_dict())) == found
     assert "d_x = " in shown.out
 
 
