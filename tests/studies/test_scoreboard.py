@@ -42,6 +42,21 @@ def test_an_answer_is_right_where_it_names_what_is_hidden_and_nothing_else(right
     assert given.exact is right
 
 
+def test_a_family_that_an_error_of_the_record_shows_is_right_where_it_is_named_and_where_it_is_not() -> None:
+    def also(given: Answer, small: tuple[str, ...] = ()) -> Answer:
+        return dataclasses.replace(given, also=("imu_bias",), small=small)
+
+    assert also(answer("", "imu_bias")).exact and also(answer("", "", "none")).exact
+    assert also(answer("", "", "small"), ("imu_bias",)).exact
+    assert not also(answer("", "imu_bias wind")).exact and not also(answer("", "", "unexplained")).exact
+    assert not also(answer("", "", "small"), ("wind",)).exact
+    assert not also(answer("", "", "refused: damaged")).exact
+    assert also(answer("wind", "imu_bias wind")).exact and also(answer("wind", "wind")).exact
+    missed = also(answer("wind", "imu_bias"))
+    assert not missed.exact and not missed.says_false
+    assert also(answer("wind", "imu_bias tether")).says_false
+
+
 def test_a_section_counts_and_lists_what_is_wrong() -> None:
     text = section("a world", [answer("wind", "wind"), answer("wind", "tether"), answer("", "", "none")])
     assert "| one effect: named, and nothing else | 1/2 = 50% |" in text

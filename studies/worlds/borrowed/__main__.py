@@ -1,6 +1,7 @@
 """Command that flies the cases of a world: `python -m studies.worlds.borrowed rotorpy --out DIR --strength 1 0.5`.
 
 One folder for each strength, `DIR/WORLD_SEED_STRENGTH`, with a folder for each case: vehicle file, logs and truth.
+With `--records wrong` the logs have the flaws of real ones (`records.py`), and the folder's name says so.
 """
 
 from __future__ import annotations
@@ -21,11 +22,16 @@ from studies.worlds.borrowed.craft import GRAVITY_M_S2, RPM, Array, Craft, draw_
 from studies.worlds.borrowed.drone_models_world import DroneModels
 from studies.worlds.borrowed.flight import TICK_S, Battery, Flight, Record, Simulator, drift, fly
 from studies.worlds.borrowed.missions import SETTLE_S, STEP_S, reference
+from studies.worlds.borrowed.records import Flaws, distorted, draw_flaws
 from studies.worlds.borrowed.rotorpy_world import RotorPy
 from studies.worlds.borrowed.sensors import Columns, equip, log_columns, low_pass
 
 SIMULATORS: dict[str, type[Simulator]] = {"rotorpy": RotorPy, "drone_models": DroneModels}
 ATTEMPTS = 4
+BAD_RECORDS = 1000
+"""Part of the seeds of what is wrong in the records, apart from the numbers of the flights."""
+IMU_SHARE = 0.6
+"""Share of the logs of rotor speeds that have accelerometers, where records are wrong."""
 
 
 def turbulence(rng: np.random.Generator, rows: int, size: float) -> Array:
@@ -112,13 +118,33 @@ def write_log(path: Path, columns: Columns) -> None:
     np.savetxt(path, rows, fmt=",".join(formats), header=",".join(columns), comments="")
 
 
+def flaws_of(case: Case, craft: Craft, rng: np.random.Generator) -> list[Flaws]:
+    """Flaws of the records of all flights of a case."""
+    by_voltage = "thrust_map" in case.effects
+    radius_m = craft.kind.radius_m
+    return draw_flaws(len(case.missions), outdoors=case.outdoors, radius_m=radius_m, by_voltage=by_voltage, rng=rng)
+
+
+def measured_by_more(case: Case, rng: np.random.Generator) -> Case:
+    """Case with accelerometers in most logs, and in all without rotor speeds: a pose that is late would else be a late
+    motor."""
+    return replace(case, imu=case.imu or case.source != "speeds" or rng.random() < IMU_SHARE)
+
+
 def make_case(
-    simulator: type[Simulator], case: Case, strengths: Sequence[float], seed: int, folders: Sequence[Path]
+    simulator: type[Simulator],
+    case: Case,
+    strengths: Sequence[float],
+    seed: int,
+    folders: Sequence[Path],
+    wrong_records: bool = False,
 ) -> str:
     """Fly a case at all strengths, drawn anew while it is no good, and write its folders; returns what was done."""
     for attempt in range(ATTEMPTS):
         key = (seed, zlib.crc32(case.name.encode()), attempt)
         rng = np.random.default_rng([*key, 0])
+        bad = np.random.default_rng([*key, BAD_RECORDS])
+        case = measured_by_more(case, bad) if wrong_records else case
         craft = draw_craft(case.kind, simulator.kinds[case.kind], rng)
         kit = equip(case.outdoors, case.source, case.imu, case.quick, rng)
         plain = draw_flights(case, craft, rng)
@@ -130,7 +156,8 @@ def make_case(
         print(f"{case.name}: drawn anew, {next(filter(None, wrong))}", file=sys.stderr)
     else:
         return f"{case.name}: dropped"
-    sizes = []
+    sizes, flaws = [], flaws_of(case, craft, bad) if wrong_records else []
+    field = int(bad.integers(2**32))
     for i, (strength, out) in enumerate(zip(strengths, folders, strict=True)):
         mine = slice(i * len(plain), (i + 1) * len(plain))
         folder = out / case.name
@@ -139,6 +166,9 @@ def make_case(
         (folder / "vehicle.yaml").write_text(yaml.safe_dump(content, sort_keys=False))
         for number, (flight, record) in enumerate(zip(flights[mine], records[mine], strict=True), start=1):
             columns, _ = log_columns(record, bias(flight), craft, kit, np.random.default_rng([*key, number]))
+            if flaws:
+                again = np.random.default_rng([*key, BAD_RECORDS, number])
+                columns = distorted(columns, flaws[number - 1], field, again)
             write_log(folder / f"flight{number}.csv", columns)
         sizes.append(effect_rms(case, flights[mine], records[mine]))
         truth = {
@@ -149,6 +179,9 @@ def make_case(
             "parameters": {name: dict(values) for name, values in case.effects.items()},
             "strength": strength,
         }
+        if flaws:
+            also = [family for family in flaws[0].also if case.imu or family != "imu_bias"]
+            truth |= {"also": also, "records": [each.content() for each in flaws]}
         (folder / "truth.json").write_text(json.dumps(truth, indent=1))
     return f"{case.name}: {' + '.join(case.families) or 'nothing'}, {', '.join(f'{s:.2f}' for s in sizes)} m/s^2"
 
@@ -160,14 +193,17 @@ def main() -> None:
     parser.add_argument("--out", type=Path, required=True, help="folder to write")
     parser.add_argument("--strength", type=float, nargs="+", default=[1.0, 0.5, 0.3], help="factors on all effects")
     parser.add_argument("--seed", type=int, default=1, help="seed of all random numbers")
+    parser.add_argument("--records", choices=["ordinary", "wrong"], default="ordinary", help="state of the logs")
     parser.add_argument("--only", default="", help="only the cases whose name begins so")
     arguments = parser.parse_args()
     cases = [case for case in WORLDS[arguments.world] if case.name.startswith(arguments.only)]
     if not cases:
         parser.error(f"no case begins with {arguments.only}")
-    folders = [arguments.out / f"{arguments.world}_{arguments.seed}_{s:g}" for s in arguments.strength]
+    wrong = arguments.records == "wrong"
+    title = f"{arguments.world}{'_wrong_records' * wrong}_{arguments.seed}"
+    folders, simulator = [arguments.out / f"{title}_{s:g}" for s in arguments.strength], SIMULATORS[arguments.world]
     for case in cases:
-        print(make_case(SIMULATORS[arguments.world], case, arguments.strength, arguments.seed, folders), flush=True)
+        print(make_case(simulator, case, arguments.strength, arguments.seed, folders, wrong), flush=True)
 
 
 if __name__ == "__main__":
