@@ -64,7 +64,10 @@ NOT_FLOWN = {
     "payload": "the time of the change belongs to one flight: `check` refuses it",
     "motor_lag": "acts on whole logs only",
     "imu_bias": "acts on the accelerometer only",
-    **dict.fromkeys(("airspeed_moment", "rate_damping"), "turns the vehicle: moments are left to the rate controller"),
+    **dict.fromkeys(
+        ("airspeed_moment", "centre_of_mass", "rate_damping", "rotor_reaction"),
+        "turns the vehicle: moments are left to the rate controller",
+    ),
 }
 """Families without a row, and why."""
 
