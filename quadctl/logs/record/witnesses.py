@@ -1,8 +1,7 @@
 """Two witnesses of one acceleration: the accelerometer, and the change of the estimated velocity.
 
 They agree within some tenths of a m/s^2 while the record is sound. Where they do not, the thrust and the attitude are
-the third witness: the one that does not follow them is odd, and nothing that only it shows is physics. Vibration, white
-noise of the accelerometer, is no disagreement.
+the third witness: the one that does not follow them is odd, and nothing that only it shows is physics.
 """
 
 from dataclasses import dataclass
@@ -13,7 +12,7 @@ from quadctl.frames import GRAVITY_M_S2, quaternion_from_euler, rotate
 from quadctl.logs.findings import Finding, Kind, Span, finding
 from quadctl.logs.flight_log import ATTITUDE, IMU, VELOCITY, FlightLog, Floats
 from quadctl.logs.kinematics import integral
-from quadctl.logs.record.flight_time import averaged, on_clock, thrust_drive, within
+from quadctl.logs.record.flight_time import averaged, on_clock, thrust_drive
 
 STEP_S, SMOOTHED_STEPS, SLOW_S = 0.1, 5, 10.0
 """Step of the clock, half the width of the filter of all three, and the time over which their means are taken away: an
@@ -24,8 +23,6 @@ ODD = 2.5
 """Ratio of what the third witness leaves of the two from which on one of them is odd, and half of that of the
 difference to what it leaves of the sound one. Recordings of real and simulated autopilots, and of motion capture, reach
 1.6 and 1.2."""
-NORMAL_PER_MEDIAN = 1.4826
-"""Standard deviation of normal values over the median of their size."""
 GAINS = (0.6, 1.3)
 """Range of the acceleration over that by thrust and attitude."""
 PIECE_S = 10.0
@@ -54,14 +51,10 @@ def disagreements(log: FlightLog, thrust_source: str | None, flights: tuple[Span
         return []
     by_velocity, by_imu, by_thrust, *of_body = (np.concatenate(parts, axis=1) for parts in zip(*pieces, strict=True))
     by_imu = _without_offset(by_imu, by_velocity, of_body)
-    noise = _noise_of_imu(log, flights)
     found = []
     for i, axis in enumerate(AXES):
-        apart = _without(_size(by_velocity[i] - by_imu[i]), noise)
-        left = {
-            "velocity": _unexplained(by_velocity[i], by_thrust[i]),
-            "imu": _without(_unexplained(by_imu[i], by_thrust[i]), noise),
-        }
+        apart = _size(by_velocity[i] - by_imu[i])
+        left = {name: _unexplained(own[i], by_thrust[i]) for name, own in (("velocity", by_velocity), ("imu", by_imu))}
         odd, sound = max(left, key=left.__getitem__), min(left.values())
         if apart > max(NOTABLE_M_S2, 0.5 * ODD * sound) and left[odd] > ODD * sound:
             found.append(Disagreement(axis, apart, odd))
@@ -114,27 +107,6 @@ def _without_offset(by_imu: Floats, by_velocity: Floats, of_body: list[Floats]) 
 def _quick(values: Floats) -> Floats:
     smooth = averaged(values, SMOOTHED_STEPS)
     return smooth - averaged(smooth, round(0.5 * SLOW_S / STEP_S))
-
-
-def _noise_of_imu(log: FlightLog, flights: tuple[Span, ...]) -> float:
-    """Root mean square, mean of the axes, that white noise of the accelerometer (vibration) leaves on the clock and
-    after the filters.
-
-    Second differences, which motion hardly changes, have six times its variance.
-    """
-    rows = log.updates(*IMU)
-    rows = rows[within(log.time_s[rows], flights)]
-    if len(rows) < 3:
-        return 0.0
-    bends = np.array([np.diff(log[name][rows], 2) for name in IMU])
-    white = NORMAL_PER_MEDIAN * np.median(np.abs(bends), axis=1) / np.sqrt(6.0)
-    averaged_values = (2 * SMOOTHED_STEPS + 1) * max(STEP_S / float(np.median(np.diff(log.time_s[rows]))), 1.0)
-    return _size(white) / float(np.sqrt(averaged_values))
-
-
-def _without(size: float, noise: float) -> float:
-    """Root mean square without that of an independent noise."""
-    return float(np.sqrt(max(size**2 - noise**2, 0.0)))
 
 
 def _mean_on(grid: Floats, log: FlightLog, name: str) -> Floats:

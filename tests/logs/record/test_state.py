@@ -299,19 +299,6 @@ def test_an_offset_that_turns_with_the_heading_is_no_disagreement(excited: Fligh
     assert all(name in off.log.columns for name in IMU)
 
 
-@pytest.mark.parametrize(("every", "size_m_s2"), [(5, 0.8), (2, 1.5)])
-def test_vibration_is_no_disagreement_and_hides_none(excited: FlightLog, every: int, size_m_s2: float) -> None:
-    random = np.random.default_rng(3)
-    log = excited.rows(slice(None, None, every))
-    for name in IMU:
-        log = added(log, name, size_m_s2 * random.standard_normal(len(log)))
-    assert Kind.WITNESSES_DISAGREE not in kinds(log)
-    (odd,) = of_kind(
-        examine(added(log, "imu_z_m_s2", 2.0 * np.sin(0.9 * log.time_s))).findings, Kind.WITNESSES_DISAGREE
-    )
-    assert odd.figures["odd"] == "imu"
-
-
 # --- copies -----------------------------------------------------------------------------------------------------------
 
 
