@@ -231,7 +231,7 @@ class TestSuggestion:
         model = Model(VEHICLE).plus(TestEffect.TWO, Provenance(ci95={"k_mat": (0.3, 0.5), "k_turf": (-0.5, -0.1)}))
         assert least_known_surface(model) == "turf"
         said = Suggestion([], [], None, None, [], [], unexplained=False, surface="turf").answer
-        assert str(said[0]).endswith("over it: quadctl fly missions/surface_heights.yaml --set surface=turf")
+        assert str(said[1]).endswith("over it: quadctl fly missions/surface_heights.yaml --set surface=turf")
 
     def test_without_surfaces_there_is_none(self) -> None:
         assert least_known_surface(Model(VEHICLE)) is None

@@ -145,7 +145,7 @@ class Suggestion(Result):
 
     def __rich__(self) -> RenderableType:
         telling = [option for option in self.options if option.tells_more]
-        shown = telling[:SHOWN_OPTIONS]
+        shown = (telling or self.options)[:SHOWN_OPTIONS]
         title = f"{len(telling)} of {len(self.options)} missions would tell more; the best, added to these data"
         table = Table(title=title, title_justify="left")
         table.add_column("mission", no_wrap=True)
