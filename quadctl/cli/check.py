@@ -4,7 +4,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
-from rich.table import Table
 from rich.text import Text
 
 from quadctl.cli.app import app, console
@@ -124,12 +123,10 @@ def check(
         console.print(
             f"{plan.mission.name} may be flown: {count(len(findings), 'check')}, {count(warnings, 'warning')}."
         )
-    table = Table.grid(padding=(0, 2))
     for finding in sorted(findings, key=lambda f: list(reversed(Verdict)).index(f.verdict)):
-        table.add_row(
-            Text(finding.verdict.value, style=STYLES[finding.verdict.value]), finding.topic, Text(finding.text)
-        )
-    console.print(table)
+        line = Text(f"{finding.verdict.value:8}", style=STYLES[finding.verdict.value])
+        line.append(f" {finding.topic:12} {finding.text}", style="default not bold")
+        console.print(line, soft_wrap=not console.is_terminal)
     write_json(json_out, {"mission": plan.mission.name, "findings": [finding.to_dict() for finding in findings]})
     if refused:
         raise FlightError(f"{mission} must not be flown like this: {refused} of {len(findings)} checks refuse it")

@@ -25,9 +25,9 @@ def say(*lines: object, style: str | None = None, end: str = "\n") -> None:
 
 
 def tell(*sentences: object) -> None:
-    """Print sentences, each from a new line, wrapped at the width of the terminal."""
+    """Print sentences, one a line, on a terminal wrapped at its width."""
     for sentence in sentences:
-        console.print(str(sentence), markup=False, highlight=False)
+        console.print(str(sentence), soft_wrap=not console.is_terminal, markup=False, highlight=False)
 
 
 def print_saved(path: Path) -> None:
