@@ -20,7 +20,7 @@ from quadctl.logs.flight_log import ATTITUDE, IMU, RATES, VELOCITY, FlightLog, F
 from quadctl.logs.record.flight_time import THRUST_SOURCES, averaged, thrust_drive, within
 from quadctl.logs.record.heading import INDEPENDENT_S as INDEPENDENT_LEAN_S
 from quadctl.logs.record.heading import STEP_S as CLOCK_S
-from quadctl.logs.record.heading import directions
+from quadctl.logs.record.heading import directions, motion_of
 
 LEAST_CORRELATION = 0.8
 """Correlation at the best delay below which a window tells nothing."""
@@ -226,9 +226,10 @@ class Lag:
 
 def lag_of_motion(log: FlightLog, flights: tuple[Span, ...]) -> Lag:
     """Lag of the acceleration behind the lean, by regression on the lean, its slope, and the velocity (drag)."""
-    if not all(log.has(name) for name in (*VELOCITY, *ATTITUDE)):
+    motion = motion_of(log)
+    if motion is None:
         return Lag()
-    parts = [directions(log, span) for span in flights if span[1] - span[0] > OF_RATES.window_s]
+    parts = [directions(motion, span) for span in flights if span[1] - span[0] > OF_RATES.window_s]
     if not parts:
         return Lag()
     columns = np.concatenate(

@@ -324,11 +324,14 @@ def clock_of(time_s: Floats) -> Floats:
 
 
 def on_clock(grid: Floats, log: FlightLog, name: str, unwrap: bool = False) -> Floats:
+    return np.interp(grid, *updated(log, name, unwrap))
+
+
+def updated(log: FlightLog, name: str, unwrap: bool = False) -> tuple[Floats, Floats]:
+    """Times of a channel's updates, s, and its values there; angles in degrees may be made continuous."""
     rows = log.updates(name)
     values = log[name][rows]
-    if unwrap:
-        values = np.unwrap(values, period=360.0)
-    return np.interp(grid, log.time_s[rows], values)
+    return log.time_s[rows], np.unwrap(values, period=360.0) if unwrap else values
 
 
 def averaged(values: Floats, steps: int) -> Floats:

@@ -11,8 +11,8 @@ import numpy as np
 
 from quadctl.frames import GRAVITY_M_S2, quaternion_from_euler, rotate
 from quadctl.logs.findings import Finding, Kind, Span, finding
-from quadctl.logs.flight_log import ATTITUDE, VELOCITY, FlightLog
-from quadctl.logs.record.flight_time import averaged, on_clock, total, usable
+from quadctl.logs.flight_log import ATTITUDE, VELOCITY, FlightLog, Floats
+from quadctl.logs.record.flight_time import averaged, total, updated, usable
 
 STEP_S, SMOOTHED_STEPS, INDEPENDENT_S = 0.1, 5, 0.5
 """Step of the clock, half the width of the filter, and the time after which errors are independent."""
@@ -43,11 +43,23 @@ class HeadingError:
 UNKNOWN = HeadingError(0.0, 180.0)
 
 
+class Motion(NamedTuple):
+    """Updates of the channels that tell a heading, each as times, s, and values: read once for all windows of a log."""
+
+    north_east: tuple[tuple[Floats, Floats], ...]
+    """Velocity, m/s."""
+    attitude: tuple[tuple[Floats, Floats], ...]
+    """Roll, pitch, yaw, degrees, continuous."""
+
+
 def heading_error(log: FlightLog, spans: tuple[Span, ...]) -> HeadingError:
     """Error of the heading within some stretches of time, by regression of the acceleration on the thrust's lean."""
-    if not all(log.has(name) for name in (*VELOCITY, *ATTITUDE)):
-        return UNKNOWN
-    parts = [directions(log, span) for span in spans if span[1] - span[0] > 4.0 * INDEPENDENT_S]
+    motion = motion_of(log)
+    return UNKNOWN if motion is None else _error_within(motion, spans)
+
+
+def _error_within(motion: Motion, spans: tuple[Span, ...]) -> HeadingError:
+    parts = [directions(motion, span) for span in spans if span[1] - span[0] > 4.0 * INDEPENDENT_S]
     if not parts:
         return UNKNOWN
     acceleration, lean, velocity = (np.concatenate(columns) for columns in zip(*parts, strict=True))
@@ -134,7 +146,10 @@ def _drift(log: FlightLog, spans: tuple[Span, ...]) -> _Drift | None:
     windows = [
         (begin, min(begin + WINDOW_S, b)) for a, b in spans for begin in np.arange(a, b - 0.5 * WINDOW_S, WINDOW_S)
     ]
-    told = [(0.5 * (a + b), heading_error(log, ((a, b),))) for a, b in windows]
+    motion = motion_of(log)
+    if motion is None:
+        return None
+    told = [(0.5 * (a + b), _error_within(motion, ((a, b),))) for a, b in windows]
     told = [(time_s, error) for time_s, error in told if error.is_told]
     if len(told) < LEAST_WINDOWS:
         return None
@@ -161,11 +176,20 @@ def is_of_heading(found: Finding) -> bool:
     return found.kind == Kind.RESET and found.figures["of"] == "heading"
 
 
-def directions(log: FlightLog, span: Span) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def motion_of(log: FlightLog) -> Motion | None:
+    """Updates of velocity and attitude; None where one is not logged."""
+    if not all(log.has(name) for name in (*VELOCITY, *ATTITUDE)):
+        return None
+    return Motion(
+        tuple(updated(log, name) for name in VELOCITY[:2]), tuple(updated(log, name, unwrap=True) for name in ATTITUDE)
+    )
+
+
+def directions(motion: Motion, span: Span) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Horizontal acceleration, lean of the thrust times gravity, and velocity, as complex numbers north + i east."""
     grid = np.arange(span[0], span[1], STEP_S)
-    north_east = [averaged(on_clock(grid, log, name), SMOOTHED_STEPS) for name in VELOCITY[:2]]
-    angles = (np.radians(on_clock(grid, log, name, unwrap=True)) for name in ATTITUDE)
+    north_east = [averaged(np.interp(grid, *channel), SMOOTHED_STEPS) for channel in motion.north_east]
+    angles = (np.radians(np.interp(grid, *channel)) for channel in motion.attitude)
     north, east, down = rotate(quaternion_from_euler(*angles), (0.0, 0.0, -1.0))
     lean = GRAVITY_M_S2 * (np.asarray(north) + 1j * np.asarray(east)) / np.maximum(-np.asarray(down), 0.3)
     velocity = north_east[0] + 1j * north_east[1]

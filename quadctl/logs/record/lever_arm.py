@@ -4,6 +4,7 @@ A point at r in the body moves by w x r more than the centre of mass, and is acc
 body rates, a: their change). Nothing else that acts on a multirotor goes with the change of its rates.
 """
 
+from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
@@ -23,6 +24,8 @@ MATTERS_M, SIGMA = 0.02, 8.0
 EXPLAINS = 0.2
 """Least share by which the arm must lower the root mean square of what drag, wind, delays and offsets leave."""
 LONGEST_M = 2.0
+PIECE = 1 << 15
+"""Samples whose equations are held at once."""
 
 
 def at_centre_of_mass(
@@ -40,29 +43,31 @@ def at_centre_of_mass(
 
 def _arm(log: FlightLog, drive: Floats | None, spans: tuple[Span, ...]) -> tuple[Vector, Vector] | None:
     """Point in the body, FRD, m, and its standard errors; None where it is not clearly another than the centre."""
-    parts = [_equations(log, drive, span) for span in spans if span[1] - span[0] > 50.0 * INDEPENDENT_S]
+    parts = [
+        part for span in spans if span[1] - span[0] > 50.0 * INDEPENDENT_S for part in _equations(log, drive, span)
+    ]
     if not parts:
         return None
-    columns, force = (np.concatenate(part) for part in zip(*parts, strict=True))
-    inverse = np.linalg.pinv(columns.T @ columns)
-    found = inverse @ columns.T @ force
-    left = force - columns @ found
-    others = columns[:, 3:]
-    without = force - others @ np.linalg.lstsq(others, force, rcond=None)[0]
-    variance = float(np.mean(left**2)) * INDEPENDENT_S / STEP_S
+    gram, along, square, n = (sum(values) for values in zip(*parts, strict=True))
+    inverse = np.linalg.pinv(gram)
+    found = inverse @ along
+    left = max(square - along @ found, 0.0) / n
+    without = max(square - along[3:] @ np.linalg.pinv(gram[3:, 3:]) @ along[3:], 0.0) / n
+    variance = left * INDEPENDENT_S / STEP_S
     std = np.sqrt(np.maximum(variance * np.diag(inverse)[:3], 0.0))
     arm = found[:3]
     size = float(np.linalg.norm(arm))
     clear = size > MATTERS_M and float(np.linalg.norm(arm / np.maximum(std, 1e-9))) > SIGMA
-    explains = float(np.sqrt(np.mean(left**2))) < (1.0 - EXPLAINS) * float(np.sqrt(np.mean(without**2)))
+    explains = np.sqrt(left) < (1.0 - EXPLAINS) * np.sqrt(without)
     if not (clear and explains and size < LONGEST_M):
         return None
     (x, y, z), (x_std, y_std, z_std) = arm.tolist(), std.tolist()
     return (x, y, z), (x_std, y_std, z_std)
 
 
-def _equations(log: FlightLog, drive: Floats | None, span: Span) -> tuple[Floats, Floats]:
-    """Columns of the regression, those of the arm first, shape (3 n, m), and the specific force in the body."""
+def _equations(log: FlightLog, drive: Floats | None, span: Span) -> Iterator[tuple[Floats, Floats, float, int]]:
+    """Parts of the regression of the specific force in the body: Gram matrix of its columns, those of the arm first,
+    shape (m, m), their products with the force, its square, and the number of samples."""
     grid = np.arange(span[0], span[1], STEP_S)
     attitude, rates, change = _turning(log, grid)
     velocity = [_smooth(on_clock(grid, log, name)) for name in VELOCITY]
@@ -71,18 +76,30 @@ def _equations(log: FlightLog, drive: Floats | None, span: Span) -> tuple[Floats
     along = np.array(rotate_inverse(attitude, (velocity[0], velocity[1], -velocity[2])))
     lift = np.ones(len(grid)) if drive is None else _smooth(np.interp(grid, log.time_s, np.nan_to_num(drive)))
     lift = lift / max(float(np.median(lift)), 1e-9)
-    n, zero = len(grid), np.zeros(len(grid))
+    # Rotors that follow late round the thrust: a delay and, of second order, the lag itself.
+    late = np.gradient(lift, STEP_S)
+    thrusts = np.array([lift, late, np.gradient(late, STEP_S)])
+    # The drag of a wind has its direction over ground.
+    toward = [np.array(rotate_inverse(attitude, fixed)) for fixed in ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0))]
+    for begin in range(0, len(grid), PIECE):
+        piece = np.s_[..., begin : begin + PIECE]
+        signals = (rates, change, along, thrusts, *toward)
+        columns = _columns(*(signal[piece] for signal in signals))
+        own = force[piece].ravel()
+        yield columns.T @ columns, columns.T @ own, float(own @ own), len(own)
+
+
+def _columns(rates: Floats, change: Floats, along: Floats, thrusts: Floats, *toward: Floats) -> Floats:
+    """Columns of the regression, shape (3 n, m)."""
+    n = rates.shape[1]
+    zero = np.zeros(n)
     blocks = [np.array(_beside(rates, change, tuple(row))) for row in np.eye(3)]
     for axis in range(2):  # drag, delay of the attitude (which turns the weight) and an offset, along and across
         signals = (along[axis], (-rates[1], rates[0])[axis], np.ones(n))
         blocks += [np.array([signal if i == axis else zero for i in range(3)]) for signal in signals]
-    # Rotors that follow late round the thrust: a delay and, of second order, the lag itself.
-    late = np.gradient(lift, STEP_S)
-    blocks += [np.array([zero, zero, one]) for one in (lift, late, np.gradient(late, STEP_S), along[2], np.ones(n))]
-    for fixed in ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0)):  # the drag of a wind, which has its direction over ground
-        toward = np.array(rotate_inverse(attitude, fixed))
-        blocks += [np.where(np.arange(3)[:, None] == axis, toward, 0.0) for axis in range(3)]
-    return np.stack([block.ravel() for block in blocks], axis=1), force.ravel()
+    blocks += [np.array([zero, zero, one]) for one in (*thrusts, along[2], np.ones(n))]
+    blocks += [np.where(np.arange(3)[:, None] == axis, own, 0.0) for own in toward for axis in range(3)]
+    return np.stack([block.ravel() for block in blocks], axis=1)
 
 
 def _turning(log: FlightLog, grid: Floats) -> tuple[Quaternion, Floats, Floats]:
