@@ -155,7 +155,7 @@ class Windows:
         return future_features(self._moved, self.rows, self.steps[horizon])
 
     def plain(self, horizon: int) -> Features:
-        """What a model sees that knows no physics."""
+        """Inputs of a model that knows no physics."""
         return side_by_side([self._future(horizon), self._past])
 
     def first(self, horizon: int) -> Features:
@@ -177,7 +177,7 @@ class Windows:
 
 
 class Map(Protocol):
-    """What a regression finds."""
+    """Predictions of a regression."""
 
     def predict(self, x: Floats) -> Floats: ...
 

@@ -506,7 +506,7 @@ def test_a_delay_of_the_command_comes_before_the_lag(raptor: Vehicle) -> None:
 
 
 def test_the_simulated_body_keeps_its_angular_momentum_with_that_of_its_rotors(raptor: Vehicle) -> None:
-    """What it turns faster by than without the rotors' inertia is lead x c x change of the thrusts over its own."""
+    """Turning faster than without the rotors' inertia, by lead x c x change of the thrusts over its own."""
 
     def flown(lead_s: float) -> SimulatedBody:
         body = SimulatedBody(Model(raptor).plus(InertialReaction(lead_s)))

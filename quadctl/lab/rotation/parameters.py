@@ -1,4 +1,4 @@
-"""Parameters of rotation from gyro and commands, of the thrust map and the drag from the accelerometer.
+"""Parameters of rotation from gyro and commands.
 
 Roll, about the body's x axis, with the commands x_i over their mean in flight, and the rotors' arms a_i:
 
@@ -9,57 +9,42 @@ where e = dln T / dln x is the elasticity of the thrust, T = k1 x + k2 x^2. The 
 accelerometer e.
 """
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
 
 import numpy as np
-from scipy.stats import t as student
 
-from quadctl.effects.rotor_drag import FLOWN_M_S
-from quadctl.frames import GRAVITY_M_S2
 from quadctl.lab.arrays import Floats
+from quadctl.lab.rotation.drag import fit_drag, flown
+from quadctl.lab.rotation.fits import HIGH_NOISE, LOW_NOISE, SETTLED_S, block_means, estimated, half_interval
 from quadctl.lab.rotation.innovations import (
-    BLOCK_S,
     NOISE_NAMES,
     Estimated,
     Regression,
     SteadyFilter,
     Value,
     earlier,
-    estimate,
     first_order,
     held_response,
     noise_of,
 )
 from quadctl.lab.rotation.records import Delayed, Record
+from quadctl.lab.rotation.thrust import ThrustMap, fit_thrust_map, hover_command, level_hover
 from quadctl.vehicle import Vehicle
 
 AXES = ("roll", "pitch", "yaw")
 YAW = 2
-GUST_TURNS_S, GUST_PUSHES_S = 0.4, 0.12
-"""Time until a gust shows in the gyro, and in the accelerometer, above their noise. A gust moves the vehicle before: by
-the velocity of this instant it would pass for a weaker moment and a weaker drag."""
+GUST_TURNS_S = 0.4
+"""Time until a gust shows in the gyro above its noise. A gust moves the vehicle before: by the velocity of this instant
+it would pass for a weaker moment."""
 LEAST_LAG_S, MOST_LAG_S = 1e-3, 0.5
 MOST_LEAD_S = 2.0
 KNOWN_LAG_S = 0.2
 """Bound of a lag that may be none, below which it is told."""
 MOST_UNKNOWN = 0.25
 """Share of the commands' variance that may be unknown between their samples: it weakens the slope."""
-DRAG_STEP_S = 0.04
-"""Drag answers a velocity, which changes within tenths of seconds."""
-SHARED = (0.5, 0.1, 0.0, 0.98)
-"""Start, scale and bounds of the share of its noise that a sample of an integrated sensor has from the sample before,
-over its own: by a trapezoid between two samples it is 1, where what began is never forgotten."""
-CLIMB_DRAG = (0.5, 0.3, 0.0, 10.0)
-"""Start, scale and bounds of the loss of thrust over climb rate, 1/s."""
-UNIFORM_95 = 0.475
-"""Half of the range that holds 95 % of an even distribution of width 1."""
-SETTLED_S = 1.5
-"""Time until the filter's start is forgotten."""
-LOW_NOISE, HIGH_NOISE = np.array([-5.0, -1.5, -7.0, -9.0]), np.array([-1.5, 3.0, 3.0, 5.0])
-"""Bounds of the noise's logarithms: the quick disturbance is quicker than the slow one."""
 LOW_QUICK = -8.0
 """That of the quick one in yaw: the rotors' inertia hands on at once what their speed scatters by."""
 
@@ -144,207 +129,7 @@ def fit_axis(
         names[1], start[1], low[1], high[1] = "lead_s", max(lag_s, 0.02), 0.0, MOST_LEAD_S
         start[2], low[2], high[2] = 0.5 * (earliest_s + latest_s), earliest_s, latest_s
         low[3] = LOW_QUICK
-    return _estimated(records, regress, names, linear, start, scale, low, high)
-
-
-@dataclass(frozen=True)
-class ThrustMap:
-    """Elasticity of the thrust over the command near the mean command: thrust in weights per relative change. The mean
-    thrust of a flight that tilts is more than the weight, so it is as much above dln T / dln x."""
-
-    value: float
-    """Used in the moments; 1 where nothing is known."""
-    by_voltage: bool
-    found: Value | None
-    """None: the accelerometer does not tell it."""
-    inflow_1_s: Value | None = None
-    """Loss of thrust over climb rate, over the mass."""
-
-
-def fit_thrust_map(records: Sequence[Record], lag: Value | None) -> ThrustMap:
-    """Elasticity of the thrust of all rotors, with the voltage where that predicts the accelerometer better, and with
-    the measured climb rate or that which the thrust itself gives a vehicle that flies upright, whichever does.
-
-    Its interval holds what the interval of the rotors' lag, which the gyro tells, adds, and the time within its
-    sampling interval at which a command changed; where the gyro does not tell the lag (None), nothing is told: delays
-    of the accelerometer hide it.
-    """
-    if all(r.measured for r in records):
-        return ThrustMap(1.0, False, Value(1.0, 1.0, 1.0))
-    if lag is None or any(r.force is None for r in records):
-        return ThrustMap(1.0, False, None)
-    voltages = [False, *([True] if all(r.voltage is not None for r in records) else [])]
-    climbs = [False, *([True] if all(r.airspeed is not None for r in records) else [])]
-    fits = [(_elasticity(records, lag.value, v, climbed=c), v, c) for v in voltages for c in climbs]
-    found, by_voltage, climbed = min(fits, key=lambda fit: fit[0].innovation)
-    value = found.values["elasticity"]
-    unknown_s = UNIFORM_95 * max(r.logged_s for r in records)
-    reach_s = float(np.hypot((lag.high - lag.low) / 2.0, unknown_s))
-    others = [
-        _elasticity(records, max(lag.value + sign * reach_s, 0.0), by_voltage, climbed=climbed).values["elasticity"]
-        for sign in (-1.0, 1.0)
-    ]
-    by_lag = max(abs(other.value - value.value) for other in others)
-    half = float(np.hypot((value.high - value.low) / 2.0, by_lag))
-    value = Value(value.value, value.value - half, value.value + half)
-    trusted = found.white and 0.3 < value.low < value.high < 3.5
-    return ThrustMap(
-        value.value if trusted else 1.0, by_voltage, value if trusted else None, found.values.get("inflow_1_s")
-    )
-
-
-def _elasticity(records: Sequence[Record], lag_s: float, by_voltage: bool, *, climbed: bool) -> Estimated:
-    """Fit the thrust over the command; by the measured climb rate where it is `climbed`, else by that of a vehicle that
-    the thrust moves up and down: its drag is a parameter of the fit."""
-    hover = hover_command(records, by_voltage)
-    flights = []
-    for r in records:
-        assert r.force is not None
-        own = r.command(by_voltage) / hover - 1.0
-        mean, curved = (Delayed(x.mean(axis=1), r.step_s) for x in (own, own**2))
-        flights.append((-r.force[:, 2] / GRAVITY_M_S2, mean, curved, _beside_thrust(r), r))
-    names = ["delay_s", *NOISE_NAMES, *([] if climbed else ["inflow_1_s"])]
-
-    def regress(x: Floats) -> list[Regression]:
-        made = []
-        for force, mean, curved, beside, r in flights:
-            bend = curved.by(x[0], lag_s)
-            told = np.array([bend, mean.by(x[0], lag_s) + bend])
-            if climbed and r.airspeed is not None:
-                told = np.vstack([told, r.airspeed[:, 2] / GRAVITY_M_S2])
-            else:
-                # w' = g_z + (q u - p v) - thrust - drag w, and the force is thrust + drag w.
-                fallen = first_order(np.vstack([told, beside]), x[5], r.step_s)
-                told = told - x[5] * fallen[:2]
-                told[0] -= x[5] * fallen[2]
-            bend, *others = r.as_measured(np.vstack([told, np.ones(len(force))]))
-            signals = r.without_shared(np.array([force[:: r.every] + bend, *others]), x[len(names) :])
-            white = noise_of(x[1:5]).of_force(r.measured_s).whitened(signals)
-            white = white[:, round(SETTLED_S / r.measured_s) :]
-            made.append(Regression(white[0], white[1:-1].T, white[-1:].T))
-        return made
-
-    start = np.array([1.5 * min(r.step_s for r in records), -3.3, 0.7, -0.5, -1.0])
-    low, high, scale = np.array([0.0, *LOW_NOISE]), np.array([0.2, *HIGH_NOISE]), np.array([0.01, 1.0, 1.0, 1.0, 1.0])
-    if not climbed:
-        start, scale, low, high = (np.append(a, b) for a, b in zip((start, scale, low, high), CLIMB_DRAG, strict=True))
-    linear = ["elasticity", *(["inflow_1_s"] if climbed else [])]
-    return _estimated(records, regress, names, linear, start, scale, low, high)
-
-
-def _beside_thrust(record: Record) -> Floats:
-    """Acceleration along body z beside the thrust, less that of a level vehicle at rest, g, shape (n,): 0 where
-    attitude and velocity are not known."""
-    if record.down is None or record.airspeed is None:
-        return np.zeros(len(record.rates))
-    turned = record.rates[:, 1] * record.airspeed[:, 0] - record.rates[:, 0] * record.airspeed[:, 1]
-    return np.asarray(record.down[:, 2] - 1.0 + turned / GRAVITY_M_S2)
-
-
-def _estimated(
-    records: Sequence[Record],
-    regress: Callable[[Floats], Sequence[Regression]],
-    names: list[str],
-    linear: list[str],
-    start: Floats,
-    scale: Floats,
-    low: Floats,
-    high: Floats,
-) -> Estimated:
-    """The fit of `regress`, with a parameter more at its end where an integrated sensor's neighbours share noise."""
-    if any(r.integrated for r in records):
-        names = [*names, "shared"]
-        pairs = zip((start, scale, low, high), SHARED, strict=True)
-        start, scale, low, high = (np.append(array, more) for array, more in pairs)
-    rows = round(BLOCK_S / min(r.measured_s for r in records))
-    return estimate(regress, start, (low, high), scale, names, linear, rows)
-
-
-def fit_drag(records: Sequence[Record], axis: int) -> Estimated:
-    """Drag along body x (0) or y (1), 1/s, from the accelerometer: f = -d u + bias + slow force.
-
-    Both are averaged over `DRAG_STEP_S`: the filter of a slow force raises what is quick, of a velocity its noise,
-    which weakens the drag. So does its error: the velocity that the tilt gives a vehicle of this drag is an estimate of
-    its own, and the interval reaches up to the drag that is right where all that the two differ by is an error of the
-    measured one, or that has the error which estimators have (Frisch 1934: the regression weakens by the error's share
-    of the variance).
-
-    A force that follows the velocity late passes for more drag, by the instrument of earlier velocities: where the
-    flights show that it does, f = -d u + m u' with m > 0, the interval reaches down to that drag, which gusts weaken.
-    """
-    flights = []
-    for r in records:
-        assert r.force is not None and r.airspeed is not None
-        rows = max(round(DRAG_STEP_S / r.step_s), 1)
-        speed = r.airspeed[:, axis]
-        signals = (r.force[:, axis], np.ones(len(speed)), -speed, np.gradient(speed, r.step_s))
-        flights.append((np.array([_means(signal, rows) for signal in signals]), rows * r.step_s))
-
-    def fitted(*linear: str) -> Estimated:
-        def regress(x: Floats) -> list[Regression]:
-            made = []
-            for signals, step_s in flights:
-                white = noise_of(x).of_force(step_s).whitened(signals[: 2 + len(linear)])
-                white = white[:, round(SETTLED_S / step_s) :]
-                columns = white[2:].T
-                before = earlier(columns, round(GUST_PUSHES_S / step_s))
-                made.append(Regression(white[0], columns, white[1:2].T, before))
-            return made
-
-        start, rows = np.array([-2.5, 0.7, 0.5, -1.0]), round(BLOCK_S / flights[0][1])
-        return estimate(regress, start, (LOW_NOISE, HIGH_NOISE), np.ones(4), NOISE_NAMES, linear, rows)
-
-    found, late = fitted("drag_1_s"), fitted("drag_1_s", "late")
-    drag = found.values["drag_1_s"]
-    share = _velocity_error(records, axis, found)
-    high = drag.high / (1.0 - share) if drag.high > 0.0 and share < 1.0 else np.inf
-    low = min(drag.low, late.values["drag_1_s"].low) if late.values["late"].low > 0.0 else drag.low
-    return replace(found, values=found.values | {"drag_1_s": Value(drag.value, low, max(high, drag.high))})
-
-
-def _velocity_error(records: Sequence[Record], axis: int, found: Estimated) -> float:
-    """Largest share of the velocity's variance that is its error, as the drag's fit weighs it; 0 where the attitude is
-    not known."""
-    steady = noise_of([found.values[name].value for name in NOISE_NAMES])
-    drag = max(found.values["drag_1_s"].value, 0.0)
-    whole = wrong = estimated = 0.0
-    for r in records:
-        if r.down is None or r.airspeed is None:
-            return 0.0
-        estimated += (r.velocity_error_m_s**2 / float(np.var(r.airspeed[:, axis]))) / len(records)
-        rows = max(round(DRAG_STEP_S / r.step_s), 1)
-        step_s = rows * r.step_s
-        # u' = g_x - d u + r v - q w, and v' = g_y - d v + p w - r u.
-        u, v, w = r.airspeed.T
-        p, q, yaw = r.rates.T
-        turned = (yaw * v - q * w) if axis == 0 else (p * w - yaw * u)
-        forcing = _means(GRAVITY_M_S2 * r.down[:, axis] + turned, rows)
-        speed = _means(r.airspeed[:, axis], rows)
-        own = first_order(forcing, drag, step_s)
-        white = steady.of_force(step_s).whitened(np.array([speed, own, np.ones(len(speed))]))
-        speed, own, one = white[:, round(SETTLED_S / step_s) :]
-        speed, own = (x - one * (one @ x) / (one @ one) for x in (speed, own))
-        whole += float(speed @ speed)
-        wrong += float((speed - own) @ (speed - own))
-    return max(wrong / whole, estimated)
-
-
-def _means(signal: Floats, rows: int) -> Floats:
-    """Means of `rows` samples each."""
-    whole = len(signal) // rows * rows
-    return np.asarray(signal[:whole].reshape(-1, rows, *signal.shape[1:]).mean(axis=1))
-
-
-def flown(records: Sequence[Record], axis: int) -> bool:
-    """True where the flights are fast enough along body x (0) or y (1) to tell what grows with the airspeed: an
-    estimate of a slow velocity is mostly error."""
-    speeds = [r.airspeed[:, axis] for r in records if r.airspeed is not None]
-    return len(speeds) == len(records) and float(np.ptp(np.quantile(np.concatenate(speeds), (0.05, 0.95)))) > FLOWN_M_S
-
-
-def hover_command(records: Sequence[Record], by_voltage: bool) -> float:
-    """Mean command of all rotors over these flights."""
-    return float(np.mean(np.concatenate([r.command(by_voltage).mean(axis=1) for r in records])))
+    return estimated(records, regress, names, linear, start, scale, low, high)
 
 
 @dataclass(frozen=True, eq=False)
@@ -556,9 +341,9 @@ def _fit_yaw(
 
 def shares(records: Sequence[Record]) -> tuple[Floats, Floats]:
     """Mean command of each rotor over that of all, and half of its 95 % interval, each of shape (k,)."""
-    parts = _block_means(records, [r.drive for r in records])
+    parts = block_means(records, [r.drive for r in records])
     of_all = parts / parts.mean(axis=1, keepdims=True)
-    return of_all.mean(axis=0), _half(of_all)
+    return of_all.mean(axis=0), half_interval(of_all)
 
 
 def _centre(
@@ -575,47 +360,9 @@ def _centre(
         for r in records:
             split = differences(r.command(thrust.by_voltage) / hover, thrust.value, vehicle)[:, i]
             signals.append((split if r.airspeed is None else split + by_air * r.airspeed[:, 1 - i])[:, None])
-        blocks = sign * arms[i] * _block_means(records, signals)
+        blocks = sign * arms[i] * block_means(records, signals)
         mean = float(blocks.mean()) * e.value
-        half = float(np.hypot(e.value * _half(blocks)[0], mean * (e.high - e.low) / 2.0 / e.value))
+        half = float(np.hypot(e.value * half_interval(blocks)[0], mean * (e.high - e.low) / 2.0 / e.value))
         if is_told(fit):
             found[name] = Value(mean, mean - half, mean + half)
     return found
-
-
-def level_hover(records: Sequence[Record], thrust: ThrustMap) -> Value | None:
-    """Output, or squared speed, at which the thrust is the weight: of each part of the flights the mean one, less what
-    its thrust is beyond the weight by the accelerometer; None where that or the thrust map is not known.
-
-    Drag is no thrust: it is removed by the velocity; where that is not known, the interval holds all of what the
-    accelerometer shows beyond the weight.
-    """
-    e = thrust.found
-    if e is None or any(r.force is None for r in records):
-        return None
-    drive = _block_means(records, [r.drive.mean(axis=1, keepdims=True) for r in records])[:, 0]
-    beyond = _block_means(records, [-r.force[:, 2:] / GRAVITY_M_S2 for r in records if r.force is not None])[:, 0] - 1.0
-    with_air = thrust.inflow_1_s is not None and all(r.airspeed is not None for r in records)
-    if with_air and thrust.inflow_1_s is not None:
-        down = _block_means(records, [r.airspeed[:, 2:] for r in records if r.airspeed is not None])[:, 0]
-        beyond -= thrust.inflow_1_s.value * down / GRAVITY_M_S2
-    level = drive * (1.0 - beyond / e.value)
-    moved = float(abs(np.mean(drive * beyond)))
-    by_map = moved * ((1.0 / e.low - 1.0 / e.high) / 2.0 if with_air else 1.0 / e.low)
-    half = float(_half(level[:, None])[0]) + by_map
-    mean = float(level.mean())
-    return Value(mean, mean - half, mean + half)
-
-
-def _block_means(records: Sequence[Record], signals: Sequence[Floats]) -> Floats:
-    """Means of signals, each of shape (n, q), over blocks of `BLOCK_S`, shape (blocks, q)."""
-    pairs = zip(records, signals, strict=True)
-    return np.concatenate([_means(signal, max(round(BLOCK_S / r.step_s), 1)) for r, signal in pairs])
-
-
-def _half(blocks: Floats) -> Floats:
-    """Half of the 95 % interval of the mean of blocks, shape (blocks, q), as if each depended on none but itself."""
-    n = len(blocks)
-    if n < 2:
-        return np.full(blocks.shape[1], np.inf)
-    return np.asarray(student.ppf(0.975, n - 1) * blocks.std(axis=0, ddof=1) / np.sqrt(n))

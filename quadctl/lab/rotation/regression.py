@@ -39,7 +39,7 @@ CHANGED = ALONG + ALONG + ABOUT + ABOUT
 
 @dataclass(frozen=True, eq=False)
 class Features:
-    """What a regression sees: values, shape (w, f), and the motion of each column, shape (f,)."""
+    """Inputs of a regression: values, shape (w, f), and the motion of each column, shape (f,)."""
 
     values: Floats
     motions: tuple[int, ...]

@@ -1,4 +1,4 @@
-"""Whether a step is told from a flight whose regime changes: speeds and tilts before and after a moment."""
+"""Distinction of a step from a flight whose regime changes: speeds and tilts before and after a moment."""
 
 from types import SimpleNamespace
 from typing import cast
