@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from quadctl.errors import LogError
+from quadctl.errors import LogError, QuadctlError
 from quadctl.lab.rotation.innovations import Value
 from quadctl.lab.rotation.parameters import Rotation, fit_rotation
 from quadctl.lab.rotation.rollout import HORIZONS_S
@@ -49,10 +49,13 @@ def main() -> None:
     parser.add_argument("--page", type=Path, default=PAGE)
     arguments = parser.parse_args()
     begin = time.process_time()
-    vehicle = load_vehicle(arguments.folder / "crazyflie21.yaml")
-    n_logs, flights = _flights(arguments.folder, vehicle)
+    try:
+        vehicle = load_vehicle(arguments.folder / "crazyflie21.yaml")
+        n_logs, flights = _flights(arguments.folder, vehicle)
+        _, test = (0, []) if arguments.test is None else _flights(arguments.test, vehicle)
+    except QuadctlError as error:
+        parser.error(str(error))
     if arguments.test is not None:
-        _, test = _flights(arguments.test, vehicle)
         found = judged(flights, test, vehicle, HORIZONS_S, TEST_EVERY)
         print(errors_table(found, TOLD), times_table(found), sep="\n\n")
         return
@@ -83,6 +86,8 @@ def _flights(folder: Path, vehicle: Vehicle) -> tuple[int, list[Flight]]:
             flights.append(flight_of(log, log.name.split("_")[0], vehicle))
         except LogError as error:
             print(f"left out: {error}", flush=True)
+    if not flights:
+        raise QuadctlError(f"{folder}: holds no flight, expected CSV files of the benchmark")
     return len(logs), flights
 
 

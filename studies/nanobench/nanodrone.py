@@ -7,9 +7,9 @@ seconds into a flight, as the observer needs a past, and none crosses from one f
 """
 
 import argparse
-from collections.abc import Sequence
 from pathlib import Path
 
+from quadctl.errors import QuadctlError
 from quadctl.logs.table import read_by_map
 from quadctl.vehicle import Vehicle, load_vehicle
 from studies.page import ROOT
@@ -38,7 +38,10 @@ def main() -> None:
     parser = argparse.ArgumentParser(description="Roll out the flights of IDSIA's nano-drone benchmark.")
     parser.add_argument("folder", type=Path, help="the repository's `data`: train/*.csv and test/*.csv")
     folder = parser.parse_args().folder
-    print(report(folder))
+    try:
+        print(report(folder))
+    except QuadctlError as error:
+        parser.error(str(error))
 
 
 def report(folder: Path) -> str:
@@ -47,19 +50,21 @@ def report(folder: Path) -> str:
     Raises
     ------
     QuadctlError
-        As `read_by_map` and `flight_of`.
+        A folder holds no flight; or as `read_by_map` and `flight_of`.
     """
     vehicle = load_vehicle(VEHICLE)
-    train, test = (flights_of(sorted((folder / part).glob("*.csv")), vehicle) for part in ("train", "test"))
+    train, test = (flights_of(folder / part, vehicle) for part in ("train", "test"))
     found = judged(train, test, vehicle, HORIZONS_S, every=1)
     heading = f"{len(train)} flights to train, {len(test)} to test"
     both = (horizons_table(of, HORIZONS_S) for of in (means(found), PUBLISHED))
     return "\n\n".join([heading, " / ".join(QUANTITIES), *both, times_table(found)])
 
 
-def flights_of(paths: Sequence[Path], vehicle: Vehicle) -> list[Flight]:
+def flights_of(folder: Path, vehicle: Vehicle) -> list[Flight]:
     """Whole flights: the benchmark's files hold no time on the ground."""
-    logs = [read_by_map(path, MAP) for path in paths]
+    logs = [read_by_map(path, MAP) for path in sorted(folder.glob("*.csv"))]
+    if not logs:
+        raise QuadctlError(f"{folder}: holds no flight, expected CSV files of the benchmark")
     return [
         flight_of(log, log.name.split("_")[0], vehicle, (float(log.time_s[0]), float(log.time_s[-1]))) for log in logs
     ]

@@ -6,6 +6,7 @@ import numpy as np
 import polars as pl
 import pytest
 
+from quadctl.errors import QuadctlError
 from quadctl.lab.rotation.records import Record
 from quadctl.lab.rotation.regression import CHANGED, COMMANDED, Features
 from quadctl.lab.rotation.rollout import HORIZONS_S, Track
@@ -43,7 +44,7 @@ class TestNanodrone:
         }
         path = tmp_path / "melon_20251017_run1.csv"
         pl.DataFrame(columns).write_csv(path)
-        (flight,) = nanodrone.flights_of([path], load_vehicle(nanodrone.VEHICLE))
+        (flight,) = nanodrone.flights_of(tmp_path, load_vehicle(nanodrone.VEHICLE))
         track, record = flight.flown.track, flight.flown.record
         at = round(3.0 / 0.01)
         assert flight.shape == "melon"
@@ -61,6 +62,10 @@ class TestNanodrone:
         np.testing.assert_allclose(
             record.airspeed[at, :2], np.sin(3.0) * np.array([np.cos(0.3), np.sin(0.3)]), atol=1e-6
         )
+
+    def test_a_folder_without_flights_is_one_sentence(self, tmp_path: Path) -> None:
+        with pytest.raises(QuadctlError, match=r"train: holds no flight, expected CSV files"):
+            nanodrone.report(tmp_path)
 
     def test_thrust_by_its_coefficient_carries_its_mass_at_its_motor_speeds_in_hover(self) -> None:
         vehicle = load_vehicle(nanodrone.VEHICLE)
