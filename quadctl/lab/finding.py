@@ -63,6 +63,7 @@ class Kind(StrEnum):
     UNTRIED_FOLLOWS = "untried, follows disturbances"
     """`effect`, `variable`, `needed`, `unit`."""
     # Reasons for which the decision rule has not called a candidate missing.
+    NOT_FITTED = "not fitted"
     NO_DROP = "no drop"
     NOT_SIGNIFICANT = "not significant"
     """`p`, `limit`."""
