@@ -31,6 +31,8 @@ class Kind(StrEnum):
     """`effect`, `parameters` (each with `value` and `ci95`)."""
     ERROR = "error"
     """`before`, `after`, m/s^2, `drop`; held out."""
+    ERROR_LEFT = "error left"
+    """`rmse`, m/s^2; held out, where nothing was added."""
     PART_UNEXPLAINED = "part unexplained"
     CONFOUNDED = "confounded"
     """`family`, `others`: families that these data do not distinguish from it."""

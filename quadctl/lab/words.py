@@ -31,6 +31,8 @@ TEMPLATES: Mapping[Kind, Template] = {
     **{kind: (template, IF_IT_FLEW, ".") for kind, template in _VERDICTS.items()},
     Kind.EFFECT: "{effect}: {parameters:parameters}",
     Kind.ERROR: "Held-out acceleration error, per-flight bias fitted: {before:number} → {after:m/s²} ({drop:change}).",
+    Kind.ERROR_LEFT: "Held-out acceleration error, per-flight bias fitted: {rmse:m/s²}; `quadctl compare` gives the "
+    "reference error.",
     Kind.PART_UNEXPLAINED: "Part of the remaining error depends on the logged variables; no known effect explains it.",
     Kind.CONFOUNDED: "{family:Family} or {others:others}: these data do not distinguish them.",
     Kind.FLIGHTS_DIFFER: "The flights differ in {parameter} of {effect} (p {p:p}): {flights:parameters}.",
