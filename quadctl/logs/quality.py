@@ -14,12 +14,11 @@ from rich.table import Table
 from rich.text import Text
 
 from quadctl.logs.channel_groups import channel_groups, updates_of_any
-from quadctl.logs.findings import Finding, Kind, Span, finding
+from quadctl.logs.findings import Finding, Kind, Span, finding, worded
 from quadctl.logs.flight_log import POSITION, VELOCITY, FlightLog
 from quadctl.logs.kinematics import integral
 from quadctl.logs.own_correction import correction_findings
 from quadctl.logs.record.record import Record, examine, mean_rate_hz
-from quadctl.logs.words import worded
 from quadctl.words import By, Template, When, Words, plain
 
 GAP_FACTOR = 5.0
