@@ -2,54 +2,22 @@
 
 import os
 import sys
+from importlib import import_module
+from pkgutil import iter_modules
 from typing import Annotated, NoReturn
 
 import typer
 from rich.console import Console
 
 from quadctl import __version__
-from quadctl.cli import (
-    check,
-    export,
-    fleet,
-    flight,
-    ground_curve,
-    init,
-    lab,
-    logs,
-    mission,
-    mocap,
-    ports,
-    rotation,
-    thrust_stand,
-    tune,
-    vehicle,
-    web,
-)
 from quadctl.cli.app import app, console
 from quadctl.cli.encoding import print_what_the_encoding_has
 from quadctl.errors import QuadctlError
 
-__all__ = [
-    "app",
-    "check",
-    "export",
-    "fleet",
-    "flight",
-    "ground_curve",
-    "init",
-    "lab",
-    "logs",
-    "main",
-    "mission",
-    "mocap",
-    "ports",
-    "rotation",
-    "thrust_stand",
-    "tune",
-    "vehicle",
-    "web",
-]
+__all__ = ["app", "main"]
+
+for _module in iter_modules(__path__):  # each registers its commands with the application
+    import_module(f"{__name__}.{_module.name}")
 
 INTERRUPTED = 130
 """Exit status with which typer ends on Ctrl-C."""

@@ -29,11 +29,10 @@ from quadctl.lab.flights.prediction import AXES
 from quadctl.lab.flights.timing import timed
 from quadctl.lab.flights.vehicle_match import motion_problem, sidecar_problem, thrust_problem, weight_doubt
 from quadctl.lab.flights.velocity_scale import scale_finding
-from quadctl.logs.findings import Finding, Kind, finding
+from quadctl.logs.findings import Finding, Kind, finding, worded
 from quadctl.logs.flight_log import MOTION_CAPTURE, FlightLog, attitude_source, doubt_of_copy
 from quadctl.logs.record.flight_time import total
 from quadctl.logs.record.record import LEFT_OUT_S, MIN_FLIGHT_S, Record, examine
-from quadctl.logs.words import worded
 from quadctl.model import Model
 from quadctl.numeric import Vector
 from quadctl.surfaces import read_place
