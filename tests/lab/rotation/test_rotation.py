@@ -156,9 +156,9 @@ class TestInClosedLoop:
         assert json.loads(json.dumps(told.to_dict()))["drag"] == {}
 
     def test_imu_and_commands_alone_tell_gain_and_lag(self, records: list[Record]) -> None:
-        alone = [replace(r, airspeed=None) for r in records]
+        found = fit_rotation([replace(r, airspeed=None) for r in records], VEHICLE)
         for i, axis in enumerate(("roll", "pitch")):
-            told = fit_rotation(alone, VEHICLE).told(axis)
+            told = found.told(axis)
             assert told["gain"].low < TRUTH.gain(i) < told["gain"].high
             assert told["lag_s"].low < TRUTH.lag_s < told["lag_s"].high
 
