@@ -90,7 +90,7 @@ class SimulatedBody:
         rpm, volts = tuple(self.rpm), self.battery.voltage_v
         return Motion(self.time_s, self.position, self.velocity, self.attitude, self.rates, rpm, volts)
 
-    def step(self, outputs: Sequence[float], armed: bool) -> None:
+    def step(self, outputs: list[float], armed: bool) -> None:
         """Advance by STEP_S; `outputs` are the motor outputs, 0..1."""
         self._commands.append(outputs if armed else self._stopped)
         self._before_n = self._nominal_n() if self.truth.needs_thrust_rate else None
