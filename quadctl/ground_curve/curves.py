@@ -13,6 +13,7 @@ from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
+from scipy.optimize import least_squares
 
 from quadctl.effects import CATALOG, Conditions, Effect
 from quadctl.effects.base import Parameter
@@ -23,10 +24,6 @@ from quadctl.vehicle import Vehicle
 Floats = npt.NDArray[np.float64]
 Indices = npt.NDArray[np.intp]
 
-MOST_STEPS, CONVERGED = 100, 1e-10
-"""Steps of a fit, and the share of the sum of squares by which the last one lowers it."""
-NEARBY = 1e-7
-"""Step of a number, as a share of its range, for the derivative."""
 DRAWS = 200
 """Resampled tables for the intervals."""
 MOST_EXACT = 12
@@ -235,8 +232,7 @@ def _fit(formula: Formula, table: Table, seed: int) -> Fit:
 
 
 def _values(formula: Formula, table: Table, rows: Indices, start: Floats) -> Floats:
-    """The numbers that fit the readings of `rows` best, by the method of Levenberg and Marquardt within their bounds; a
-    row that appears twice counts twice."""
+    """The numbers that fit the readings of `rows` best; a row that appears twice counts twice."""
     if not len(start):
         return start
     low, high = (np.array(bound) for bound in formula.bounds)
@@ -246,31 +242,12 @@ def _values(formula: Formula, table: Table, rows: Indices, start: Floats) -> Flo
         errors = table.errors(k, table.far(k, rows), rows)
         return np.nan_to_num(errors, nan=1e3, posinf=1e3, neginf=-1e3)
 
-    # At a bound another number may have no effect, as b in a exp(b z) at a = 0.
-    values = np.clip(start, low + 1e-6 * (high - low), high - 1e-6 * (high - low))
-    left, damping = residuals(values), 1e-3
-    for _ in range(MOST_STEPS):
-        ends = values + np.where(values > 0.5 * (low + high), -1.0, 1.0) * NEARBY * (high - low)
-        nearby = [residuals(np.where(np.arange(len(values)) == i, ends, values)) for i in range(len(values))]
-        jacobian = np.column_stack([after - left for after in nearby]) / (ends - values)
-        gradient, normal = jacobian.T @ left, jacobian.T @ jacobian
-        held = (values <= low) & (gradient > 0.0) | (values >= high) & (gradient < 0.0)
-        weights = np.diag((damping * np.diag(normal)) + 1e-12 / (high - low) ** 2)
-        free = np.flatnonzero(~held)
-        step = np.zeros(len(values))
-        step[free] = np.linalg.solve((normal + weights)[np.ix_(free, free)], gradient[free])
-        moved = np.clip(values - step, low, high)
-        after = residuals(moved)
-        gained = float(left @ left - after @ after)
-        if gained > 0.0:
-            converged = gained < CONVERGED * float(left @ left)
-            values, left, damping = moved, after, 0.1 * damping
-        else:
-            converged = damping > 1e6
-            damping *= 10.0
-        if converged:
-            break
-    return values
+    inside = np.clip(start, low + 1e-6 * (high - low), high - 1e-6 * (high - low))
+    scale = np.maximum(np.abs(inside), 0.01 * (high - low))
+    found = least_squares(residuals, inside, bounds=(low, high), x_scale=scale).x
+    # The solver stays inside its bounds by a hair: a number that wants to leave them is at the bound.
+    hair = 1e-6 * (high - low)
+    return np.where(found - low < hair, low, np.where(high - found < hair, high, found))
 
 
 def _held_out(formula: Formula, table: Table, start: Floats) -> Floats:
