@@ -120,8 +120,7 @@ def _chosen(columns: Floats, target: Floats) -> list[list[int]]:
 
     Forward regression: what is chosen is taken out of all other columns, which makes them orthogonal to it.
     """
-    left = columns.copy()
-    chosen: list[list[int]] = [[]]
+    left, chosen = columns.copy(), [[]]
     for _ in range(min(MOST_TERMS, columns.shape[1])):
         size = np.linalg.norm(left, axis=0)
         explained = np.divide(target @ left, size, out=np.zeros_like(size), where=size > ROUNDING) ** 2
