@@ -56,7 +56,7 @@ __all__ = [
 INTERRUPTED = 130
 """Exit status with which typer ends on Ctrl-C."""
 
-LAB_PACKAGES = ("scipy", "joblib", "polars", "matplotlib", "jinja2", "pyulog", "mcap", "casadi")
+LAB_PACKAGES = ("scipy", "joblib", "polars", "matplotlib", "jinja2", "pyulog", "mcap", "pysindy", "casadi")
 """Packages of the extra `lab`, which the companion computer does not have."""
 WEB_PACKAGES = ("nicegui", "cloudpickle")
 """Packages of the extra `web`."""

@@ -168,7 +168,7 @@ class TestResults:
         assert isinstance(figure, Figure) and figure.axes
 
 
-HEAVY = ("scipy", "polars", "matplotlib", "joblib", "pyulog", "jinja2", "nicegui", "mavsdk")
+HEAVY = ("scipy", "polars", "matplotlib", "joblib", "pysindy", "pyulog", "jinja2", "nicegui", "mavsdk")
 
 
 def test_importing_the_lab_alone_loads_no_heavy_package() -> None:

@@ -9,7 +9,7 @@ import pytest
 from tests.support.places import ROOT
 
 LINKS = ("mavsdk", "grpc", "pymavlink", "serial")
-HEAVY = ("scipy", "polars", "matplotlib", "jinja2", "joblib", "nicegui")
+HEAVY = ("scipy", "polars", "matplotlib", "jinja2", "joblib", "pysindy", "nicegui")
 
 SIMULATE = """
 from quadctl.cli import app

@@ -1,14 +1,16 @@
 """Identification of a formula for the unexplained residual: a sparse expression, then a compact form.
 
 The sparse expression is found by sparse identification of dynamics (SINDy; Brunton, Proctor & Kutz 2016, PNAS 113),
-with terms chosen one by one by orthogonal least squares (Billings 2013) from `library`. The number of
+with terms chosen one by one by orthogonal least squares (Billings 2013, as in pysindy) from `library`. The number of
 terms, and the decision whether there is a law at all, come from held-out data.
 """
 
+import warnings
 from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import LinAlgWarning
 
 from quadctl.frames import rotate_inverse
 from quadctl.lab.arrays import Floats, Mask
@@ -30,8 +32,6 @@ LAW_SHARE = 0.1
 """Least share of the axis' squared error explained on held-out data: 5 % of its RMSE, as in `diagnose`."""
 VARIES = 1e-6
 """Least variation of a term in a part of the data, over that in all of it, by which it can be chosen there."""
-ROUNDING = 1e-10
-"""Length of a column below which rounding alone has left it, of 1 before those that it depends on were taken out."""
 DRAWS = 1000
 
 
@@ -116,21 +116,18 @@ def _paths(y: Floats, terms: list[Term], used: Mask) -> list[list[int]]:
 
 
 def _chosen(columns: Floats, target: Floats) -> list[list[int]]:
-    """Indices of the best 0, 1, 2, ... columns, as many as are independent; columns and target of length 1.
+    """Indices of the best 0, 1, 2, ... columns, as many as are independent."""
+    from pysindy import FROLS
 
-    Forward regression: what is chosen is taken out of all other columns, which makes them orthogonal to it.
-    """
-    left, chosen = columns.copy(), [[]]
-    for _ in range(min(MOST_TERMS, columns.shape[1])):
-        size = np.linalg.norm(left, axis=0)
-        explained = np.divide(target @ left, size, out=np.zeros_like(size), where=size > ROUNDING) ** 2
-        best = int(np.argmax(explained))
-        if explained[best] == 0.0:
-            break
-        chosen.append(sorted([*chosen[-1], best]))
-        unit = left[:, best] / size[best]
-        left -= np.outer(unit, unit @ left)
-    return chosen
+    for count in range(min(MOST_TERMS, columns.shape[1]), 0, -1):
+        try:
+            with warnings.catch_warnings():  # terms that are nearly multiples of each other are equivalent
+                warnings.simplefilter("ignore", LinAlgWarning)
+                history = FROLS(max_iter=count, alpha=0.0, unbias=False).fit(columns, target).history_
+        except ValueError:  # the last columns chosen depend on those before
+            continue
+        return [[int(j) for j in np.flatnonzero(coefficients[0])] for coefficients in history]
+    return [[]]
 
 
 def _reach(rows: Floats, terms: list[Term]) -> float:
