@@ -1,7 +1,6 @@
 """Fixtures and rules of all tests."""
 
 import functools
-import gc
 import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -50,13 +49,6 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     for item in items:
         if item.get_closest_marker("realtime"):
             item.add_marker(again)
-
-
-def pytest_runtest_setup(item: pytest.Item) -> None:
-    """Spare what all tests share from every collection of garbage, from the first test and after each flight."""
-    if not (gc.get_freeze_count() or item.get_closest_marker("realtime")):
-        gc.collect()
-        gc.freeze()
 
 
 def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
