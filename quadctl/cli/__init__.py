@@ -1,7 +1,9 @@
 """The commands: parse, call, print; the work is done elsewhere."""
 
+import functools
 import os
 import sys
+from collections.abc import Callable
 from importlib import import_module
 from pkgutil import iter_modules
 from typing import Annotated, NoReturn
@@ -47,7 +49,7 @@ def main() -> NoReturn:
     """Entry point: errors that the user can mend are one sentence and exit status 1."""
     print_what_the_encoding_has()
     try:
-        app()
+        _command()()
     except QuadctlError as error:
         _fail(str(error), 1)
     except ModuleNotFoundError as error:
@@ -71,6 +73,12 @@ def main() -> NoReturn:
             _fail("interrupted", 1)
         raise
     sys.exit(0)
+
+
+@functools.cache
+def _command() -> Callable[[], None]:
+    """All commands as they are parsed: a process that runs many builds them once."""
+    return typer.main.get_command(app)
 
 
 def _fail(sentence: str, status: int) -> NoReturn:

@@ -9,9 +9,9 @@ where e = dln T / dln x is the elasticity of the thrust, T = k1 x + k2 x^2. The 
 accelerometer e.
 """
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import Any
 
 import numpy as np
@@ -62,6 +62,20 @@ class _Axis:
         self, damping: float, acts: tuple[float, float, float], shared: Floats, noise: SteadyFilter
     ) -> Regression:
         """Regression with lag, delay and lead of the moment, `acts`."""
+        seen = self.record.without_shared(self._seen(damping, acts), shared)
+        white = noise.whitened(seen)[:, round(SETTLED_S / self.record.measured_s) :]
+        columns = white[1:-1].T
+        instruments = columns.copy()
+        instruments[:, 1:] = earlier(columns[:, 1:], round(GUST_TURNS_S / self.record.measured_s))
+        return Regression(white[0], columns, white[-1:].T, instruments)
+
+    @cached_property
+    def _seen(self) -> Callable[[float, tuple[float, float, float]], Floats]:
+        """The last results of `_moved`: a search that varies the noise alone asks for the same again."""
+        return lru_cache(maxsize=2)(self._moved)
+
+    def _moved(self, damping: float, acts: tuple[float, float, float]) -> Floats:
+        """Rate, and what command, airspeed and a steady moment make of it, at the measured samples."""
         step_s, (lag_s, delay_s, lead_s) = self.record.step_s, acts
         held_s = delay_s - step_s / 2.0
         command = self.difference.before(step_s + max(held_s, 0.0))
@@ -69,12 +83,7 @@ class _Axis:
         forces = [*([] if self.airspeed is None else [self.airspeed]), np.ones(len(self.rate))]
         moved = np.vstack([turned, first_order(np.array(forces), damping, step_s)])
         rate = (self.rate - self.rate[0])[:: self.record.every]
-        seen = self.record.without_shared(np.vstack([rate, self.record.as_measured(moved)]), shared)
-        white = noise.whitened(seen)[:, round(SETTLED_S / self.record.measured_s) :]
-        columns = white[1:-1].T
-        instruments = columns.copy()
-        instruments[:, 1:] = earlier(columns[:, 1:], round(GUST_TURNS_S / self.record.measured_s))
-        return Regression(white[0], columns, white[-1:].T, instruments)
+        return np.vstack([rate, self.record.as_measured(moved)])
 
 
 def differences(command: Floats, elasticity: float, vehicle: Vehicle) -> Floats:

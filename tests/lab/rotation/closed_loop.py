@@ -71,7 +71,7 @@ def _flown(truth: Truth, drawn: Floats, phase: Floats) -> list[Record]:  # noqa:
     n, _, seeds = drawn.shape
     share, inertia = np.array(truth.rotor_share)[:, None], np.array(truth.inertia)[:, None]
     arms = np.array(VEHICLE.moment_arms_m).T
-    mix = np.sign(arms).T
+    mix, about_yaw = np.sign(arms).T, np.diag([0.0, 0.0, 1.0]) @ arms
     position, velocity, rates = np.zeros((3, seeds)), np.zeros((3, seeds)), np.zeros((3, seeds))
     q = np.vstack([np.ones(seeds), np.zeros((3, seeds))])
     hover = 0.6
@@ -112,12 +112,13 @@ def _flown(truth: Truth, drawn: Floats, phase: Floats) -> list[Record]:  # noqa:
             seen = rates + GYRO_RAD_S * white[6:9]
             noise = np.array([[0.08], [0.08], [0.2]]) * white[13:16]
             logged.append((seen, waiting[-1], force + noise + 0.05, body + 0.005 * white[16:19]))
-        reaction = np.diag([0.0, 0.0, 1.0]) @ arms @ change * truth.lead_s / STEP_S
+        reaction = about_yaw @ change * truth.lead_s / STEP_S
         torque = (arms @ thrust + reaction) / inertia + np.array(
             [-truth.airspeed * air[1], truth.airspeed * air[0], 0.0 * air[0]]
         )
         angular = torque + moment - truth.damping_1_s * rates
-        angular -= np.cross(rates.T, (inertia * rates).T).T / inertia
+        (roll, pitch, yaw), (ix, iy, iz) = rates, inertia
+        angular -= np.array([(iz - iy) * pitch * yaw, (ix - iz) * yaw * roll, (iy - ix) * roll * pitch]) / inertia
         world = np.array(rotate(tuple(q), tuple(force)))
         position, velocity = position + STEP_S * velocity, velocity + STEP_S * (world + _DOWN)
         q = q + 0.5 * STEP_S * _turned(q, rates)

@@ -163,7 +163,11 @@ def test_a_lag_is_told_where_it_is_bounded() -> None:
     assert known_lag(Value(0.001, -0.5, 0.5), 0.004) is None
 
 
-SIH = ("real/px4/excitation", "real/px4/forward_runs", "real/px4/vertical_runs", "px4/B_forward")
+SIH = (
+    "real/px4/excitation",
+    "px4/B_forward",
+    *(pytest.param(f"real/px4/{name}", marks=pytest.mark.long) for name in ("forward_runs", "vertical_runs")),
+)
 LAG_S, GAIN, DAMPING_1_S, HOVER = 0.05, (78.45, 78.45, 6.54), (1.0, 1.0, 0.833), 0.4903
 """PX4's SIH: SIH_T_TAU; weight times arm over inertia, yaw by SIH_Q_MAX; SIH_KDW over inertia; weight over full
 thrust."""
