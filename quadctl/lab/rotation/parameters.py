@@ -180,18 +180,16 @@ class Rotation:
 
     def told(self, axis: str) -> dict[str, Value]:
         """Parameters of an axis whose intervals can be trusted: none where its innovations are not white, or slope or
-        commands are not told; no lag that is not known, no damping at a bound, no moment of an airspeed that hardly
-        changed."""
+        commands are not told; no lag that is not known, no damping at a bound or of a disturbance, no moment of an
+        airspeed that hardly changed."""
         fit = self.axes[axis]
         if not self.is_told(axis):
             return {}
         shown = {"slope": fit.values["slope"]}
         if axis in self.gain:
             shown["gain"] = self.gain[axis]
-        others = [
-            name for name in ("damping_1_s", "airspeed", "lead_s") if name in fit.values and name not in fit.at_bound
-        ]
-        shown |= {name: fit.values[name] for name in others}
+        others = ("airspeed", "lead_s", *(["damping_1_s"] if _damps(fit) else []))
+        shown |= {name: fit.values[name] for name in others if name in fit.values and name not in fit.at_bound}
         lag = None if "lead_s" in fit.values else self._lag(axis)
         return shown | ({} if lag is None else {"lag_s": lag})
 
@@ -284,6 +282,13 @@ def known_lag(lag: Value, step_s: float) -> Value | None:
 def is_told(fit: Estimated) -> bool:
     """Tell whether the commands have turned an axis, as far as its prediction errors are white."""
     return fit.white and fit.values["slope"].low > 0.0 and fit.values["lag_s"].value < 0.99 * MOST_LAG_S
+
+
+def _damps(fit: Estimated) -> bool:
+    """Tell whether the damping is the body's own: where the slow disturbance has the shortest memory that it may have,
+    the rate forgets in place of the disturbance."""
+    shortest = "log_slow_s" in fit.at_bound and fit.values["log_slow_s"].value < 0.0
+    return not shortest or "log_slow" in fit.at_bound
 
 
 def fit_rotation(records: Sequence[Record], vehicle: Vehicle) -> Rotation:

@@ -195,13 +195,26 @@ class TestInClosedLoop:
         with pytest.raises(SettingsError, match="nothing of the rotation is identified"):
             with_rotation(Model(VEHICLE), replace(replaced(slope=Value(1.0, -1.0, 3.0)), centre_m={}))
 
+    def test_a_damping_that_may_be_a_disturbance_of_short_memory_is_not_told(self, found: Rotation) -> None:
+        fit = found.axes["yaw"]
+        for memory, at_bound, own in (
+            (-1.5, {"log_slow_s"}, False),
+            (-1.5, {"log_slow_s", "log_slow"}, True),  # there is no such disturbance
+            (3.0, {"log_slow_s"}, True),
+        ):
+            values = fit.values | {"log_slow_s": Value(memory, memory - 1.0, memory + 1.0)}
+            short = replace(fit, values=values, at_bound=frozenset(at_bound))
+            told = replace(found, axes=found.axes | {"yaw": short}).told("yaw")
+            assert ("damping_1_s" in told) == own and "slope" in told
+
     @pytest.mark.long
     @pytest.mark.timeout(3000)
-    def test_intervals_of_forty_flights_hold_the_truth(self) -> None:
+    @pytest.mark.parametrize("log_every", [2, 5])
+    def test_intervals_of_forty_flights_hold_the_truth(self, log_every: int) -> None:
         """Those that are told, as often as 95 % intervals do, but for one chance in a thousand for each parameter; and
         nearly every flight tells every one."""
         held: dict[str, list[bool]] = {}
-        for record in flights(TRUTH, 40, 63.0):
+        for record in flights(TRUTH, 40, 63.0, log_every=log_every):
             rotation = fit_rotation([record], VEHICLE)
             pairs = []
             for i, axis in enumerate(("roll", "pitch")):
@@ -210,9 +223,10 @@ class TestInClosedLoop:
                 told = rotation.told(axis)
                 pairs += [(name, told[name], true) for name, true in truth.items() if name in told]
                 pairs.append(("drag", rotation.drag[f"d_{'xy'[i]}"].values["drag_1_s"], TRUTH.drag_1_s[i]))
+                pairs += [("inertia", rotation.inertia[axis], TRUTH.inertia[i])] if axis in rotation.inertia else []
             for name, value, true in pairs:
                 held.setdefault(name, []).append(value.low <= true <= value.high)
-        assert min(map(len, held.values())) >= 60 and len(held) == 5
+        assert min(map(len, held.values())) >= 60 and len(held) == 6
         least = {name: binom.ppf(0.001, len(of), 0.95) for name, of in held.items()}
         assert all(sum(of) >= least[name] for name, of in held.items()), {n: np.mean(of) for n, of in held.items()}
 
