@@ -29,7 +29,7 @@ and positions up to 40 ms; a larger delay needs evidence."""
 MOST_EARLY_S = 0.04
 """Largest time by which a rotor signal comes before its force because the position is late, unless the flights show
 that the position is later."""
-VELOCITY_RANGE_S = (-0.04, 0.08)
+VELOCITY_RANGE_S = (-0.04, 0.3)
 ROTOR_RANGE_S = (-0.2, 0.3)
 """Ranges that are searched; an estimate at an end says nothing."""
 VELOCITY_GAIN = 1.0
