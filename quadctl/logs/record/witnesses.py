@@ -7,14 +7,13 @@ one witness. A velocity that lags differs by its lag times its slope, which is n
 from the position. The witness that does not follow the other two is odd, and nothing that only it shows is physics.
 """
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
-from quadctl.frames import GRAVITY_M_S2, quaternion_from_euler, rotate_inverse
+from quadctl.frames import GRAVITY_M_S2, quaternion_from_euler, rotate, rotate_inverse
 from quadctl.logs.findings import Finding, Kind, Span, finding
 from quadctl.logs.flight_log import ATTITUDE, IMU, VELOCITY, FlightLog, Floats
 from quadctl.logs.kinematics import integral
@@ -31,6 +30,8 @@ difference to what it leaves of the sound one. Recordings of real and simulated 
 1.6 and 1.2."""
 GAINS = (0.6, 1.3)
 """Range of the force along the thrust over that by the thrust."""
+SIGMA = 3.0
+"""Standard errors by which the size of a noise may be off."""
 PIECE_S = 10.0
 """Shorter flights are not judged."""
 ACROSS, ALONG = ("north", "east"), ("up",)
@@ -65,25 +66,19 @@ def disagreements(
     power = float(np.sum(slope**2))
     lag_s = float(np.sum((by_imu - by_velocity) * slope)) / power if power > 0.0 else 0.0
     by_velocity = by_velocity + lag_s * slope
-    apart = by_velocity - by_imu
-    across = {name: _beside_drag(own[:2], speed[:2]) for name, own in (("imu", by_imu), ("velocity", by_velocity))}
-    along = {name: _beside_thrust(own[2:], by_thrust[2]) for name, own in (("imu", by_imu), ("velocity", by_velocity))}
-    judged = (
-        _judged(ACROSS, apart[:2], across, float(noise[:2].sum())),
-        _judged(ALONG, apart[2:], along, float(noise[2])),
-    )
-    return [one for one in judged if one is not None]
-
-
-def _judged(axes: tuple[str, ...], apart: Floats, left: Mapping[str, Floats], noise: float) -> Disagreement | None:
-    """Disagreement of two witnesses that differ by `apart`, of which the third one leaves so much, shape (axes, n)
-    each; `noise` is the accelerometer's share of the mean squares."""
-    difference = _size(apart, noise)
-    sizes = {name: _size(values, noise if name == "imu" else 0.0) for name, values in left.items()}
-    odd, sound = max(sizes, key=sizes.__getitem__), min(sizes.values())
-    if difference <= max(NOTABLE_M_S2, 0.5 * ODD * sound) or sizes[odd] <= ODD * sound:
-        return None
-    return Disagreement(axes, difference, "attitude" if (odd, axes) == ("velocity", ACROSS) else odd)
+    found = []
+    for axes, here, beside in ((ACROSS, slice(0, 2), speed[:2]), (ALONG, slice(2, 3), speed[:0])):
+        apart = (by_velocity - by_imu)[here]
+        # Both the mean square of the noise and that of what holds it are of so many independent values.
+        most = float(noise[here].sum()) * (1.0 + SIGMA * np.sqrt(4.0 * (2 * SMOOTHED_STEPS + 1) / apart.size))
+        left = {
+            "imu": _size(_beside(by_imu[here], by_thrust[here], beside), most),
+            "velocity": _size(_beside(by_velocity[here], by_thrust[here], beside), 0.0),
+        }
+        odd, sound, size = max(left, key=left.__getitem__), min(left.values()), _size(apart, most)
+        if size > max(NOTABLE_M_S2, 0.5 * ODD * sound) and left[odd] > ODD * sound:
+            found.append(Disagreement(axes, size, "attitude" if (odd, axes) == ("velocity", ACROSS) else odd))
+    return found
 
 
 def disagreement_findings(found: list[Disagreement]) -> list[Finding]:
@@ -98,20 +93,22 @@ def disagreement_findings(found: list[Disagreement]) -> list[Finding]:
 
 def _pieces(log: FlightLog, drive: Floats | None, flight: Span) -> tuple[Floats, ...]:
     """Force over mass of one flight by accelerometer, by velocity and by thrust, the slope of that by velocity, and the
-    velocity, all in the body, FRD, without slow changes, shape (3, n) each."""
+    velocity: forward, right and down, without slow changes, shape (3, n) each. The accelerometer's is without its
+    offset, which is constant in the body."""
     grid = np.arange(flight[0], flight[1], STEP_S)
+    roll, pitch, yaw = (np.radians(on_clock(grid, log, name, unwrap=True)) for name in ATTITUDE)
+    heading, lean = quaternion_from_euler(0.0 * yaw, 0.0 * yaw, yaw), quaternion_from_euler(roll, pitch, 0.0 * yaw)
     north, east, up = (on_clock(grid, log, name) for name in VELOCITY)
-    attitude = quaternion_from_euler(*(np.radians(on_clock(grid, log, name, unwrap=True)) for name in ATTITUDE))
     velocity = np.array([north, east, -up])
     acceleration = np.gradient(velocity, STEP_S, axis=1)
+    jerk = np.gradient(acceleration, STEP_S, axis=1)
     force = acceleration - np.array([[0.0], [0.0], [GRAVITY_M_S2]])
+    by_velocity, slope, speed = (np.array(rotate_inverse(heading, tuple(one))) for one in (force, jerk, velocity))
+    read = np.array([_mean_on(grid, log, name, log.updates(name)) for name in IMU])
+    read -= np.mean(read - np.array(rotate_inverse(lean, tuple(by_velocity))), axis=1, keepdims=True)
     push = np.ones(len(grid)) if drive is None else np.interp(grid, log.time_s, np.nan_to_num(drive))
     thrust = push * (-GRAVITY_M_S2 / max(float(np.median(push)), 1e-9))
-    by_imu = np.array([_mean_on(grid, log, name, log.updates(name)) for name in IMU])
-    by_thrust = np.array([0.0 * thrust, 0.0 * thrust, thrust])
-    slope = np.gradient(acceleration, STEP_S, axis=1)
-    turned = (np.array(rotate_inverse(attitude, (v[0], v[1], v[2]))) for v in (force, slope, velocity))
-    by_velocity, slope, speed = turned
+    by_imu, by_thrust = (np.array(rotate(lean, tuple(one))) for one in (read, (0.0 * thrust, 0.0 * thrust, thrust)))
     return tuple(_quick(values) for values in (by_imu, by_velocity, by_thrust, slope, speed))
 
 
@@ -143,18 +140,14 @@ def _mean_on(grid: Floats, log: FlightLog, name: str, rows: NDArray[np.intp]) ->
     return np.asarray(np.diff(np.interp(edges, time_s, sums)) / STEP_S)
 
 
-def _beside_thrust(values: Floats, by_thrust: Floats) -> Floats:
-    """What the thrust leaves of the force along it, shape (1, n), by the gain that fits best; near 1, as the drive that
-    carries the weight is known: drag takes some of a motion away, and a thrust line may have another slope."""
-    power = float(by_thrust @ by_thrust)
-    gain = float(np.clip(values[0] @ by_thrust / power, *GAINS)) if power > 0.0 else 1.0
-    return np.asarray(values - gain * by_thrust)
-
-
-def _beside_drag(values: Floats, speed: Floats) -> Floats:
-    """What a drag leaves of the force across the thrust, shape (2, n): the rotors make none."""
+def _beside(values: Floats, by_thrust: Floats, speed: Floats) -> Floats:
+    """What the thrust and a drag by `speed` leave of a force, shape (axes, n) each, by the gain of the thrust that fits
+    best; near 1, as the drive that carries the weight is known, but a thrust line may have another slope."""
     x = speed.T
-    return np.asarray(values - (x @ np.linalg.lstsq(x, values.T, rcond=None)[0]).T)
+    values, thrust = ((one.T - x @ np.linalg.lstsq(x, one.T, rcond=None)[0]).T for one in (values, by_thrust))
+    power = float(np.vdot(thrust, thrust))
+    gain = float(np.clip(np.vdot(values, thrust) / power, *GAINS)) if power > 0.0 else 1.0
+    return np.asarray(values - gain * thrust)
 
 
 def _size(values: Floats, noise: float) -> float:
