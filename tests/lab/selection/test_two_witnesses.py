@@ -8,6 +8,7 @@ import pytest
 from quadctl.effects.imu_bias import ConstantBias
 from quadctl.lab.flights.dataset import Dataset, load_dataset
 from quadctl.lab.selection.diagnosis import diagnose
+from quadctl.logs.flight_log import VELOCITY
 from quadctl.model import Model
 from quadctl.vehicle import Vehicle
 from tests.lab.fitting.test_captured_attitude import runs
@@ -26,6 +27,13 @@ def pushed(vehicle: Vehicle, of_accelerometer: float, bias_m_s2: float = 0.0) ->
 @pytest.mark.parametrize(("share", "verdict"), [(0.0, "none"), (1.0, "unexplained")])
 def test_what_the_accelerometer_contradicts_is_not_unexplained(raptor: Vehicle, share: float, verdict: str) -> None:
     assert diagnose(Model(raptor), pushed(raptor, share), []).verdict == verdict
+
+
+def test_a_velocity_that_lags_is_put_right_and_not_doubted(raptor: Vehicle) -> None:
+    log = replace(runs(raptor, 0.0), meta={})
+    late = {name: np.interp(log.time_s - 0.14, log.time_s, log[name]) for name in VELOCITY}
+    (flight,) = load_dataset([replace(log, columns=log.columns | late)], raptor).flights
+    assert flight.doubted_axes == () and flight.velocity_lag_s == pytest.approx(0.14, abs=0.01)
 
 
 def test_a_bias_stays_beside_an_acceleration_that_nothing_explains(raptor: Vehicle) -> None:
