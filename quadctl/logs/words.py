@@ -329,8 +329,12 @@ class Kind(Kinds, words=_WORDS):
     )
     WITNESSES_DISAGREE = By(
         "odd",
-        {"imu": f"{DISAGREE}velocity: the accelerometer is not read"},
-        f"{DISAGREE}accelerometer: an error of the estimated velocity (along up that of a barometer, for example); the "
+        {
+            "imu": f"{DISAGREE}velocity: the accelerometer is not read",
+            "attitude": f"{DISAGREE}accelerometer, which follows the thrust: an error of the attitude, or of the "
+            "estimated velocity; the acceleration is taken from the accelerometer there",
+        },
+        f"{DISAGREE}accelerometer: an error of the estimated velocity, that of a barometer, for example; the "
         "acceleration is taken from the accelerometer there",
     )
     HEIGHT_ERROR = By(
