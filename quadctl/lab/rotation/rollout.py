@@ -222,12 +222,12 @@ def fit_disturbances(tracks: Sequence[Track], driven: Sequence[Driven], physics:
     """Noise by which the past forecasts these flights best, without a bias: an observer has none at its start."""
     pairs, step_s = list(zip(tracks, driven, strict=True)), tracks[0].step_s
     rates, velocity = ([f(t, d, physics) for t, d in pairs] for f in (unexplained_rates, unexplained_velocity))
-    moment = [_fitted([r[i] for r in rates], c, step_s) for i, c in enumerate(physics.damping_1_s)]
-    force = [_fitted([v[i] for v in velocity], 0.0, step_s) for i in range(3)]
+    moment = [fitted_noise([r[i] for r in rates], c, step_s) for i, c in enumerate(physics.damping_1_s)]
+    force = [fitted_noise([v[i] for v in velocity], 0.0, step_s) for i in range(3)]
     return Disturbances(tuple(moment), tuple(force))
 
 
-def _fitted(signals: Sequence[Floats], damping_1_s: float, step_s: float) -> Noise:
+def fitted_noise(signals: Sequence[Floats], damping_1_s: float, step_s: float) -> Noise:
     """Noise that forecasts signals of shape (n,) best."""
 
     def errors(x: Floats) -> Floats:

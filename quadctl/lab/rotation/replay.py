@@ -1,0 +1,125 @@
+"""Replay of flights by a model, as exported code does it, and the noise of the observer that suits the model.
+
+The model's equations are evaluated along the measured states; what they leave is observed. From any sample on, they are
+integrated with the commands that were sent and with what was observed, which fades.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from quadctl.frames import GRAVITY_M_S2, multiply, rotate, rotate_inverse
+from quadctl.lab.arrays import Floats
+from quadctl.lab.rotation.innovations import first_order
+from quadctl.lab.rotation.rollout import State, Track, fitted_noise
+from quadctl.model import Model, conditions
+from quadctl.observer import AXES, AxisNoise, Observer, delayed, disturbances, lagged, rolled_out
+
+PER_KRPM2 = 1e6
+
+
+@dataclass(frozen=True, eq=False)
+class Replay:
+    """One flight beside the equations of a model. n samples, k rotors; two lags in a row are one of their sum."""
+
+    model: Model
+    track: Track
+    measured: bool
+    """True where the commands of the track are squared rotor speeds, krpm^2, which have no lag."""
+
+    @property
+    def lag_s(self) -> float:
+        """Lag of the rotors behind their commands."""
+        if self.measured:
+            return 0.0
+        own = (effect.values()["time_constant_s"] for effect in self.model.late().effects)
+        return self.model.vehicle.rotor.time_constant_s + sum(own)
+
+    def commanded_n(self) -> Floats:
+        """Nominal thrust that the rotors follow, N, shape (k, n)."""
+        vehicle, u = self.model.vehicle, self.track.command.T
+        if self.measured:
+            return np.asarray(PER_KRPM2 * vehicle.rotor.thrust_n_per_rpm2 * u)
+        line = vehicle.throttle
+        late = delayed(u, vehicle.rotor.delay_s, self.track.step_s)
+        return np.asarray(np.maximum(late - line.offset, 0.0) / (line.per_newton * vehicle.n_rotors))
+
+    def states(self) -> Floats:
+        """Measured states, and the thrusts behind the lag, shape (13, n) or (13 + k, n)."""
+        t = self.track
+        rotors = [lagged(self.commanded_n(), self.lag_s, t.step_s)] if self.lag_s > 0.0 else []
+        return np.concatenate([t.position.T, t.velocity.T, t.attitude.T, t.rates.T, *rotors])
+
+    def x_dot(self, x: Floats, commanded_n: Floats) -> Floats:
+        """Derivative of states, as of `states`, shape as of x."""
+        vehicle, rates = self.model.vehicle, x[10:13]
+        q, world = (x[6], x[7], x[8], x[9]), (x[3], x[4], x[5])
+        thrust, follows = commanded_n, np.empty((0, *x.shape[1:]))
+        if self.lag_s > 0.0:
+            thrust = x[13 : 13 + vehicle.n_rotors]
+            follows = (commanded_n - thrust) / self.lag_s
+        c = conditions(
+            vehicle, -x[2], rotate_inverse(q, world), q, position_ne_m=(x[0], x[1]), rates_rad_s=tuple(rates)
+        )
+        loads = self.model.prompt().loads(list(thrust), replace(c, thrust_rate_n_s=tuple(follows)))
+        linear = np.array(rotate(q, loads.force_n)) / vehicle.mass_kg
+        linear[2] += GRAVITY_M_S2
+        inertia = np.reshape(vehicle.principal_inertia_kg_m2, (3,) + (1,) * (x.ndim - 1))
+        turning = np.cross(rates, inertia * rates, axis=0)
+        angular = (np.array(np.broadcast_arrays(*loads.torque_n_m)) - turning) / inertia
+        turned = 0.5 * np.array(multiply(q, (0.0 * rates[0], *rates)))
+        return np.concatenate([x[3:6], linear, turned, angular, follows])
+
+    def unexplained(self) -> Floats:
+        """Velocity and rates beyond what the model gives along the measured states, by `AXES`, shape (6, n)."""
+        moved, by_model = self._sixfold()
+        return np.asarray(moved - moved[:, :1] - first_order(by_model, 0.0, self.track.step_s))
+
+    def _sixfold(self) -> tuple[Floats, Floats]:
+        """Velocity and rates, and their derivatives by the model, both of shape (6, n)."""
+        x = self.states()
+        found = self.x_dot(x, self.commanded_n())
+        return np.concatenate([x[3:6], x[10:13]]), np.concatenate([found[3:6], found[10:13]])
+
+    def observed(self, observer: Observer) -> Floats:
+        """States and, behind them, the disturbances at each sample, from it and those before."""
+        return np.concatenate([self.states(), disturbances(*self._sixfold(), observer.noise, self.track.step_s)])
+
+    def roll_out(self, observer: Observer, rows: NDArray[np.intp], steps: Sequence[int]) -> list[State]:
+        """States after each of these numbers of steps, from windows that start at `rows`."""
+        begin, commanded = self.observed(observer)[:, rows], self.commanded_n()
+        at, lasting_s = len(begin) - 2 * len(AXES), observer.lasting_s
+        following_s = np.full(at - 13, self.lag_s)
+
+        def x_dot(x: Floats, commanded_n: Floats) -> Floats:
+            rate = self.x_dot(x[:at], commanded_n)
+            beyond = x[at : at + 6] + x[at + 6 :]
+            rate[3:6] += beyond[:3]
+            rate[10:13] += beyond[3:]
+            return np.concatenate([rate, -x[at:] / lasting_s[:, None]])
+
+        ahead = commanded[:, rows[None, :] + np.arange(max(steps) + 1)[:, None]]
+        ends = rolled_out(x_dot, begin, ahead, np.concatenate([following_s, lasting_s]), self.track.step_s)
+        return [
+            State(*(ends[part, k].T for part in (slice(3), slice(3, 6), slice(6, 10), slice(10, 13)))) for k in steps
+        ]
+
+
+def fit_observer(replays: Sequence[Replay]) -> Observer:
+    """Noise by which the past forecasts best what a model leaves of these flights, in the size of that."""
+    step_s = replays[0].track.step_s
+    left = [replay.unexplained() for replay in replays]
+    found = {name: _axis([signals[i] for signals in left], step_s) for i, name in enumerate(AXES)}
+    return Observer(step_s=step_s, **found)
+
+
+def _axis(signals: Sequence[Floats], step_s: float) -> AxisNoise:
+    noise = fitted_noise(signals, 0.0, step_s)
+    steady = noise.of_rate(0.0, step_s)
+    errors = np.concatenate([steady.whitened(signal) for signal in signals])
+    size = float(np.sqrt(np.mean(errors**2) / steady.variance))
+    kept = np.clip([size, noise.slow * size, noise.sensor * size], 1e-6, 1e6)
+    quick, slow, sensor = map(float, kept)
+    return AxisNoise(quick=quick, quick_s=noise.quick_s, slow=slow, slow_s=noise.slow_s, sensor=sensor)
