@@ -14,7 +14,8 @@ from pydantic import Field
 
 from quadctl.settings import Settings
 
-Size = Annotated[float, Field(ge=1e-6, le=1e6)]
+SIZES = 1e-6, 1e6
+Size = Annotated[float, Field(ge=SIZES[0], le=SIZES[1])]
 Time = Annotated[float, Field(ge=1e-3, le=1e3)]
 AXES = ("north", "east", "down", "roll", "pitch", "yaw")
 """Axes of the disturbances: accelerations NED, m/s^2, and angular accelerations FRD, rad/s^2."""
@@ -144,10 +145,10 @@ def rolled_out(
         new[13:] = decay * x[13:] + (mean - decay) * begin + (1.0 - mean) * end
         return np.asarray(new)
 
-    found = [x]
+    found, before = [x], x_dot(x, u[:, 0])
     for k in range(1, u.shape[1]):
-        before = x_dot(x, u[:, k - 1])
         then = moved(before, x, before)
-        x = moved(before, then, x_dot(then, u[:, k]))
+        after = x_dot(then, u[:, k])
+        x, before = moved(before, then, after), after
         found.append(x)
     return np.stack(found, axis=1)

@@ -6,18 +6,27 @@ integrated with the commands that were sent and with what was observed, which fa
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import least_squares
+from scipy.signal import lfilter
 
 from quadctl.frames import GRAVITY_M_S2, multiply, rotate, rotate_inverse
 from quadctl.lab.arrays import Floats
-from quadctl.lab.rotation.innovations import first_order
-from quadctl.lab.rotation.rollout import State, Track, fitted_noise
+from quadctl.lab.rotation.innovations import SteadyFilter, first_order, noise_of
+from quadctl.lab.rotation.rollout import State, Track
 from quadctl.model import Model, conditions
-from quadctl.observer import AXES, AxisNoise, Observer, delayed, disturbances, lagged, rolled_out
+from quadctl.observer import AXES, SIZES, AxisNoise, Observer, delayed, disturbances, lagged, rolled_out
 
-PER_KRPM2 = 1e6
+RPM2_PER_KRPM2 = 1e6
+START = np.array([-3.3, 0.9, 0.5, -4.0])
+LOWEST, HIGHEST = np.array([-5.0, -1.5, -7.0, -11.0]), np.array([-1.0, 3.5, 4.0, 5.0])
+"""Logarithms of the noise, as `noise_of` takes them."""
+AHEAD_S = (0.1, 0.25, 0.5)
+"""Horizons whose forecasts the observer's noise is fitted to: one that is fitted to the next sample follows quick
+disturbances, which are gone half a second later."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,7 +38,11 @@ class Replay:
     measured: bool
     """True where the commands of the track are squared rotor speeds, krpm^2, which have no lag."""
 
-    @property
+    @cached_property
+    def _prompt(self) -> Model:
+        return self.model.prompt()
+
+    @cached_property
     def lag_s(self) -> float:
         """Lag of the rotors behind their commands."""
         if self.measured:
@@ -41,7 +54,7 @@ class Replay:
         """Nominal thrust that the rotors follow, N, shape (k, n)."""
         vehicle, u = self.model.vehicle, self.track.command.T
         if self.measured:
-            return np.asarray(PER_KRPM2 * vehicle.rotor.thrust_n_per_rpm2 * u)
+            return np.asarray(RPM2_PER_KRPM2 * vehicle.rotor.thrust_n_per_rpm2 * u)
         line = vehicle.throttle
         late = delayed(u, vehicle.rotor.delay_s, self.track.step_s)
         return np.asarray(np.maximum(late - line.offset, 0.0) / (line.per_newton * vehicle.n_rotors))
@@ -63,7 +76,7 @@ class Replay:
         c = conditions(
             vehicle, -x[2], rotate_inverse(q, world), q, position_ne_m=(x[0], x[1]), rates_rad_s=tuple(rates)
         )
-        loads = self.model.prompt().loads(list(thrust), replace(c, thrust_rate_n_s=tuple(follows)))
+        loads = self._prompt.loads(list(thrust), replace(c, thrust_rate_n_s=tuple(follows)))
         linear = np.array(rotate(q, loads.force_n)) / vehicle.mass_kg
         linear[2] += GRAVITY_M_S2
         inertia = np.reshape(vehicle.principal_inertia_kg_m2, (3,) + (1,) * (x.ndim - 1))
@@ -83,14 +96,20 @@ class Replay:
         found = self.x_dot(x, self.commanded_n())
         return np.concatenate([x[3:6], x[10:13]]), np.concatenate([found[3:6], found[10:13]])
 
-    def observed(self, observer: Observer) -> Floats:
-        """States and, behind them, the disturbances at each sample, from it and those before."""
-        return np.concatenate([self.states(), disturbances(*self._sixfold(), observer.noise, self.track.step_s)])
+    @cached_property
+    def _observer(self) -> Observer:
+        if self.model.observer is None:
+            raise ValueError(f"{self.model.name}: has no observer")
+        return self.model.observer
 
-    def roll_out(self, observer: Observer, rows: NDArray[np.intp], steps: Sequence[int]) -> list[State]:
+    def observed(self) -> Floats:
+        """States and, behind them, the disturbances at each sample, from it and those before."""
+        return np.concatenate([self.states(), disturbances(*self._sixfold(), self._observer.noise, self.track.step_s)])
+
+    def roll_out(self, rows: NDArray[np.intp], steps: Sequence[int]) -> list[State]:
         """States after each of these numbers of steps, from windows that start at `rows`."""
-        begin, commanded = self.observed(observer)[:, rows], self.commanded_n()
-        at, lasting_s = len(begin) - 2 * len(AXES), observer.lasting_s
+        begin, commanded = self.observed()[:, rows], self.commanded_n()
+        at, lasting_s = len(begin) - 2 * len(AXES), self._observer.lasting_s
         following_s = np.full(at - 13, self.lag_s)
 
         def x_dot(x: Floats, commanded_n: Floats) -> Floats:
@@ -116,10 +135,34 @@ def fit_observer(replays: Sequence[Replay]) -> Observer:
 
 
 def _axis(signals: Sequence[Floats], step_s: float) -> AxisNoise:
-    noise = fitted_noise(signals, 0.0, step_s)
+    """Noise that forecasts signals of shape (n,) best."""
+
+    def errors(x: Floats) -> Floats:
+        steady = noise_of(x).of_rate(0.0, step_s)
+        return np.concatenate([_forecast_errors(signal, steady, step_s) for signal in signals])
+
+    steps = np.full(len(START), 1e-3)
+    noise = noise_of(least_squares(errors, START, bounds=(LOWEST, HIGHEST), diff_step=steps, ftol=1e-5).x)
     steady = noise.of_rate(0.0, step_s)
-    errors = np.concatenate([steady.whitened(signal) for signal in signals])
-    size = float(np.sqrt(np.mean(errors**2) / steady.variance))
-    kept = np.clip([size, noise.slow * size, noise.sensor * size], 1e-6, 1e6)
-    quick, slow, sensor = map(float, kept)
+    innovations = np.concatenate([steady.whitened(signal) for signal in signals])
+    size = float(np.sqrt(np.mean(innovations**2) / steady.variance))
+    quick, slow, sensor = (float(x) for x in np.clip([size, noise.slow * size, noise.sensor * size], *SIZES))
     return AxisNoise(quick=quick, quick_s=noise.quick_s, slow=slow, slow_s=noise.slow_s, sensor=sensor)
+
+
+def _forecast_errors(signal: Floats, steady: SteadyFilter, step_s: float) -> Floats:
+    """Errors of the forecasts over `AHEAD_S`, and of their integrals over twice the horizon's mean, each over its
+    horizon, joined: a rate that is forecast turns an attitude, and a velocity moves a place."""
+    innovations = steady.whitened(signal)
+    found = []
+    # A forecast's error is the sum of the innovations until then, each with what it does to the signal by then.
+    reach = round(max(AHEAD_S) / step_s)
+    answers, power = [1.0], steady.gain
+    for _ in range(reach - 1):
+        answers.append(float(power[0]))
+        power = steady.transition @ power
+    for ahead_s in AHEAD_S:
+        reached = round(ahead_s / step_s)
+        both = (np.array(answers[:reached]), 2.0 * step_s / ahead_s * np.cumsum(answers[:reached]))
+        found += [lfilter(weights, [1.0], innovations)[reached:] / ahead_s for weights in both]
+    return np.concatenate(found)
