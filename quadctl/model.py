@@ -230,6 +230,15 @@ class Model:
         return tuple(e for e in self.effects if e.acts_by("wind_ned_m_s"))
 
     @cached_property
+    def command_delay_s(self) -> tuple[float, float, float] | None:
+        """Delay of the thrust after its command, s, with its interval, as the flights of the fit have shown it last,
+        else that of the vehicle file; None where there is none above 0."""
+        told = [item.fitted.command_delay_s for item in self.stack if item.fitted is not None]
+        of_file = self.vehicle.rotor.delay_s
+        known = [(of_file, of_file, of_file), *(delay for delay in told if delay is not None)]
+        return known[-1] if known[-1][0] > 0.0 else None
+
+    @cached_property
     def acting(self) -> tuple[Effect, ...]:
         """The effects of the stack, each standing back for the others where it must."""
         present = {effect.family() for effect in self.effects}

@@ -138,17 +138,19 @@ def rolled_out(
     decay = np.exp(-step_s / lags_s)
     mean = (1.0 - decay) * lags_s / step_s
 
-    def moved(before: np.ndarray, then: np.ndarray, after: np.ndarray) -> np.ndarray:
-        new = x + 0.5 * step_s * (before + after)
-        new[6:10] /= np.sqrt(np.sum(new[6:10] ** 2, axis=0))
-        begin, end = x[13:] + lags_s * before[13:], then[13:] + lags_s * after[13:]
-        new[13:] = decay * x[13:] + (mean - decay) * begin + (1.0 - mean) * end
-        return np.asarray(new)
+    def seen(x: np.ndarray, u: np.ndarray) -> np.ndarray:
+        """Slope of the first states, and what the others follow."""
+        rate = x_dot(x, u)
+        return np.concatenate([rate[:13], x[13:] + lags_s * rate[13:]])
 
-    found, before = [x], x_dot(x, u[:, 0])
+    def moved(before: np.ndarray, after: np.ndarray) -> np.ndarray:
+        new = x[:13] + 0.5 * step_s * (before[:13] + after[:13])
+        new[6:10] /= np.sqrt(np.sum(new[6:10] ** 2, axis=0))
+        return np.concatenate([new, decay * x[13:] + (mean - decay) * before[13:] + (1.0 - mean) * after[13:]])
+
+    found, before = [x], seen(x, u[:, 0])
     for k in range(1, u.shape[1]):
-        then = moved(before, x, before)
-        after = x_dot(then, u[:, k])
-        x, before = moved(before, then, after), after
+        after = seen(moved(before, before), u[:, k])
+        x, before = moved(before, after), after
         found.append(x)
     return np.stack(found, axis=1)

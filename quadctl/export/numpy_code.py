@@ -19,7 +19,6 @@ from quadctl.export.equations import (
     Actuation,
     actuation,
     cannot_be_evaluated,
-    command_delay_s,
     left_out,
     parameters,
 )
@@ -215,7 +214,7 @@ class _File:
 
     def _constants(self) -> str:
         vehicle, line = self._vehicle, self._vehicle.throttle
-        stages, delay = self._stages, command_delay_s(self._model)
+        stages, delay = self._stages, self._model.command_delay_s
         states = stages.states(vehicle.n_rotors)
         lines = [
             _tuple("STATE", STATE),

@@ -55,8 +55,8 @@ class Replay:
         vehicle, u = self.model.vehicle, self.track.command.T
         if self.measured:
             return np.asarray(RPM2_PER_KRPM2 * vehicle.rotor.thrust_n_per_rpm2 * u)
-        line = vehicle.throttle
-        late = delayed(u, vehicle.rotor.delay_s, self.track.step_s)
+        line, delay = vehicle.throttle, self.model.command_delay_s
+        late = u if delay is None else delayed(u, delay[0], self.track.step_s)
         return np.asarray(np.maximum(late - line.offset, 0.0) / (line.per_newton * vehicle.n_rotors))
 
     def states(self) -> Floats:
