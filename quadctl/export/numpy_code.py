@@ -206,6 +206,7 @@ class _File:
         said = [
             f"Equations of motion of {self._model.name}, written by quadctl. Effects: {effects}.",
             "x_dot takes the nominal thrust of each rotor; x_dot_commanded takes their commands and holds their lag.",
+            *([_HOW_OBSERVED] if self._model.observer is not None else []),
             "World axes: north, east, down; body axes: forward, right, down; quaternions: body to world, scalar first.",
             *(f"Not in these equations: {reason}." for reason in left_out(self._model, self._stages)),
         ]
@@ -573,6 +574,7 @@ def to_body(attitude, world):
     return to_world((w, -x, -y, -z), world)
 '''
 
+_HOW_OBSERVED = "observed finds rotor states, slow forces and moments in the past; roll_out goes on with them."
 _OBSERVED = '''
 def sent(u):
     """Commands as the rotors get them, after the delay, shape (rotors, samples) as of u."""

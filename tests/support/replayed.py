@@ -17,7 +17,7 @@ from quadctl.model import Model, conditions
 from tests.lab.rotation.closed_loop import VEHICLE
 
 STEP_S, FINE = 0.01, 5
-FORCE, FORCE_S, MOMENT, MOMENT_S = 0.35, 2.5, 3.0, 4.0
+FORCE, FORCE_S, MOMENT, MOMENT_S = 0.35, 5.0, 2.5, 15.0
 """Slow force, m/s^2, and moment, rad/s^2, and the times in which they fade."""
 STEPS = (10, 50)
 """Horizons of a replay: 0.1 and 0.5 s."""

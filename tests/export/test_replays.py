@@ -3,7 +3,7 @@
 Each target replays a simulated flight, whose truth is known, and flights of a real Crazyflie.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -12,7 +12,10 @@ import casadi as ca
 import numpy as np
 import pytest
 
+from quadctl.effects import Effect
 from quadctl.effects.motor_lag import FirstOrderLag
+from quadctl.effects.rate_damping import ProportionalDamping
+from quadctl.effects.rotor_drag import LinearDrag
 from quadctl.export.crazyflow import crazyflow_code
 from quadctl.export.numpy_code import numpy_code
 from quadctl.export.rotorpy import rotorpy_code
@@ -24,7 +27,7 @@ from quadctl.lab.rotation.replay import Replay, fit_observer
 from quadctl.lab.rotation.rollout import State, Track, errors
 from quadctl.lab.rotation.unseen import flown_of
 from quadctl.logs.table import read_by_map
-from quadctl.model import Model
+from quadctl.model import Model, StackedEffect
 from quadctl.observer import AXES, rolled_out
 from quadctl.vehicle import load_vehicle
 from tests.support.places import DATA, ROOT
@@ -83,6 +86,11 @@ class Windows:
     """States, shape (states, windows)."""
     sent: Floats
     """Commands after the delay, shape (rotors, steps + 1, windows)."""
+
+    @property
+    def commanded_n(self) -> Floats:
+        """Nominal thrusts of the commands, shape as of `sent`."""
+        return np.asarray(self.code["commanded_thrust"](self.sent))
 
     def missed(self, ends: Floats) -> Floats:
         return self.case.missed(ends, self.rows)
@@ -164,7 +172,8 @@ class TestNumpy:
 
     def test_a_simulated_flight_is_replayed_far_better_than_held(self, made: Case) -> None:
         w = windows(made)
-        assert np.all(w.missed(w.rolled(w.begin))[1] < 0.5 * of_held(made.track, w.rows)[1])
+        found, held = w.missed(w.rolled(w.begin)), of_held(made.track, w.rows)
+        assert np.all(found[1] < np.array([0.2, 0.2, 0.7, 0.8]) * held[1])
 
     def test_a_real_flight_is_replayed_better_than_held_over_a_tenth_of_a_second(self, real: Case) -> None:
         """Half a second later the commands have answered what no observer knows (docs/benchmarks-public.md)."""
@@ -221,10 +230,11 @@ class TestCasadi:
         assert ends == pytest.approx(w.rolled(w.begin), abs=1e-9)
 
 
-def reduced(case: Case, *families: str, every: int = 1) -> Windows:
-    """Windows by a model without the effects that a target cannot hold."""
+def reduced(case: Case, *families: str, also: Sequence[Effect] = (), every: int = 1) -> Windows:
+    """Windows by a model without the effects that a target cannot hold, and with others."""
     stack = tuple(item for item in case.model.stack if item.effect.family() not in families)
-    return windows(Case(replace(case.model, stack=stack), case.track), every)
+    model = replace(case.model, stack=(*stack, *map(StackedEffect, also)))
+    return windows(Case(model, case.track), every)
 
 
 TOLERATED = 0.15
@@ -242,7 +252,7 @@ class TestRotorpy:
         vehicle = multirotor.Multirotor(place["quad_params"], aero=True)
         w = windows(case, every=4)
         k_eta = place["quad_params"]["k_eta"]
-        begin, sent = (np.sqrt(w.thrusts_n(of) / k_eta) for of in (w.begin[13:17], w.sent))
+        begin, sent = (np.sqrt(w.thrusts_n(of) / k_eta) for of in (w.begin[13:17], w.commanded_n))
         ends = np.empty((13, max(STEPS) + 1, len(w.rows)))
         for i, x in enumerate(w.begin.T):
             state = {"x": FLIP * x[:3], "v": FLIP * x[3:6], "q": np.array([x[7], -x[8], -x[9], x[6]])}
@@ -254,7 +264,12 @@ class TestRotorpy:
                 a, b, c, d = state["q"]
                 moved = (*(FLIP * state["x"]), *(FLIP * state["v"]), d, a, -b, -c, *(FLIP * state["w"]))
                 ends[:, step + 1, i] = moved
-        without = reduced(case, "rate_damping", "rotor_reaction", every=4)
+        # Its drag along the rotors' axes acts at each rotor, and damps roll and pitch.
+        own, place_m = case.model.vehicle, np.array([rotor.position_m for rotor in case.model.vehicle.rotors])
+        (drag,) = (e for e in case.model.effects if isinstance(e, LinearDrag))
+        roll, pitch = own.mass_kg * drag.d_z * np.mean(place_m[:, 1::-1] ** 2, axis=0) / own.principal_inertia_kg_m2[:2]
+        also = [ProportionalDamping(roll, pitch, 0.0)]
+        without = reduced(case, "rate_damping", "rotor_reaction", also=also, every=4)
         expected = without.rolled(w.without(*AXES))
         assert w.missed(ends) == pytest.approx(w.missed(expected), rel=TOLERATED, abs=2e-3)
         assert "observer of slow forces and moments: RotorPy has no such states" in " ".join(map(str, left_out))
@@ -283,13 +298,13 @@ class TestCrazyflow:
             found = dynamics(
                 position, q, velocity, rates, command_rpm.T, x[13:17].T, dist_f, dist_t, **place["parameters"]
             )
-            turned = found[1].T[[3, 0, 1, 2]] * np.array([1.0, 1.0, -1.0, -1.0])[:, None]
+            turned = w.code["x_dot"](x[:13], np.zeros(4), P)[6:10]  # its authors warn of their own
             linear, angular = ((FLIP * of).T for of in found[2:4])
             fading = -x[17:] / w.code["LAGS_S"][4:, None]
             return np.concatenate([x[3:6], linear, turned, angular, found[4].T, fading])
 
         begin = np.concatenate([w.begin[:13], rpm(w.begin[13:17]), w.begin[17:]])
-        ends = rolled_out(x_dot, begin, rpm(w.sent), w.code["LAGS_S"], STEP_S)
+        ends = rolled_out(x_dot, begin, rpm(w.commanded_n), w.code["LAGS_S"], STEP_S)
         expected = reduced(case, "rate_damping", "airspeed_moment").rolled(w.begin)
         assert w.missed(ends) == pytest.approx(w.missed(expected), rel=TOLERATED, abs=2e-3)
         assert "moment dist_t" in text or "dist_t" in text
