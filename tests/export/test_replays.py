@@ -135,7 +135,7 @@ def real() -> Case:
     if not NANOBENCH.is_dir():
         pytest.skip("the flights of NanoBench are not here")
     vehicle = load_vehicle(NANOBENCH / "crazyflie21.yaml")
-    names = ("B2_circle_fast_rep1", "B3_figure8_fast_rep1", "B9_trefoil_fast_rep1", "B7_oval_fast_rep1")
+    names = ("B2_circle_fast_rep1", "B9_trefoil_fast_rep1", "B7_oval_fast_rep1")
     logs = [read_by_map(NANOBENCH / f"{name}.csv", ROOT / "config" / "maps" / "nanobench.yaml") for name in names]
     *seen, last = [flown_of(log, vehicle) for log in logs]
     model = with_rotation(Model(vehicle), fit_rotation([f.record for f in seen], vehicle))
@@ -237,7 +237,7 @@ def reduced(case: Case, *families: str, also: Sequence[Effect] = (), every: int 
     return windows(Case(model, case.track), every)
 
 
-TOLERATED = 0.15
+TOLERATED = 0.1
 """Difference of a target's errors from those of the NumPy file: its lag is of speed, and its drag grows with it."""
 
 
@@ -283,7 +283,8 @@ class TestCrazyflow:
         place: dict[str, Any] = {}
         text, left_out = crazyflow_code(case.model)
         exec(text, place)
-        w, vehicle = windows(case), case.model.vehicle
+        # Observed by the equations that it holds, the slow moment has the others' mean.
+        w, vehicle = reduced(case, "rate_damping", "airspeed_moment"), case.model.vehicle
         inertia = np.array(vehicle.principal_inertia_kg_m2)[:, None]
 
         def rpm(nominal_n: Floats) -> Floats:
@@ -305,7 +306,5 @@ class TestCrazyflow:
 
         begin = np.concatenate([w.begin[:13], rpm(w.begin[13:17]), w.begin[17:]])
         ends = rolled_out(x_dot, begin, rpm(w.commanded_n), w.code["LAGS_S"], STEP_S)
-        expected = reduced(case, "rate_damping", "airspeed_moment").rolled(w.begin)
-        assert w.missed(ends) == pytest.approx(w.missed(expected), rel=TOLERATED, abs=2e-3)
-        assert "moment dist_t" in text or "dist_t" in text
+        assert w.missed(ends) == pytest.approx(w.missed(w.rolled(w.begin)), rel=TOLERATED, abs=2e-3)
         assert "observer of slow forces and moments: crazyflow has no such states" in " ".join(map(str, left_out))
