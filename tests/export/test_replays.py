@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 
 from quadctl.effects import Effect
+from quadctl.effects.centre_of_mass import FixedOffset
 from quadctl.effects.motor_lag import FirstOrderLag
 from quadctl.effects.rate_damping import ProportionalDamping
 from quadctl.effects.rotor_drag import LinearDrag
@@ -169,6 +170,12 @@ class TestNumpy:
         w = windows(case)
         whole, without = w.missed(w.rolled(w.begin)), w.missed(w.rolled(w.without("roll", "pitch", "yaw")))
         assert np.all(without[:, ROTATION:] > 2.0 * whole[:, ROTATION:])
+
+    def test_another_centre_of_mass_than_that_of_the_fit_is_observed(self, made: Case) -> None:
+        """As of the next flight, with another battery."""
+        own = windows(made)
+        other = reduced(made, "centre_of_mass", also=[FixedOffset(-0.9, 0.8)])
+        assert np.all(other.missed(other.rolled(other.begin)) < 1.3 * own.missed(own.rolled(own.begin)))
 
     def test_a_simulated_flight_is_replayed_far_better_than_held(self, made: Case) -> None:
         w = windows(made)

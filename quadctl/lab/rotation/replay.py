@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from scipy.optimize import least_squares
 from scipy.signal import lfilter
 
+from quadctl.effects.centre_of_mass import FixedOffset
 from quadctl.frames import GRAVITY_M_S2, multiply, rotate, rotate_inverse
 from quadctl.lab.arrays import Floats
 from quadctl.lab.rotation.innovations import SteadyFilter, first_order, noise_of
@@ -127,11 +128,19 @@ class Replay:
 
 
 def fit_observer(replays: Sequence[Replay]) -> Observer:
-    """Noise by which the past forecasts best what a model leaves of these flights, in the size of that."""
+    """Noise by which the past forecasts best what a model leaves of these flights, in the size of that.
+
+    A centre of mass counts as a disturbance: that of these flights is not that of the next, with another battery or a
+    rotor that gives less, and an observer that trusts it forgets the new one.
+    """
     step_s = replays[0].track.step_s
-    left = [replay.unexplained() for replay in replays]
+    left = [replace(replay, model=_without_offset(replay.model)).unexplained() for replay in replays]
     found = {name: _axis([signals[i] for signals in left], step_s) for i, name in enumerate(AXES)}
     return Observer(step_s=step_s, **found)
+
+
+def _without_offset(model: Model) -> Model:
+    return replace(model, stack=tuple(item for item in model.stack if not isinstance(item.effect, FixedOffset)))
 
 
 def _axis(signals: Sequence[Floats], step_s: float) -> AxisNoise:
