@@ -115,8 +115,8 @@ def _page(
     horizon; they name no cause. The perceptrons (scikit-learn) are the mean of four with 32 hidden units, each stopped
     by flights that it does not learn from.
 
-    - **{ESTIMATED}**: the model that `quadctl rotation -o` saves of them, with its observer of slow forces and moments,
-    as [exported code](export.md#the-past-and-rollouts) rolls it out. What a simulator may use, which closes the loop
+    - **{ESTIMATED}**: the model that `quadctl rotation -o` saves, with its observer of slow forces and moments, as
+    [exported code](export.md#the-past-and-rollouts) rolls it out. What a simulator may use, which closes the loop
     itself; replayed commands that answered disturbances drive it away from the record.
 
     - **{FORECAST}**: the past is explained by the physics as estimated; of what is to come a share is trusted, with

@@ -38,7 +38,7 @@ from quadctl.lab.rotation.rollout import (
     rotation_vector,
     turned_by,
 )
-from quadctl.model import Model, conditions
+from quadctl.model import Model, conditions, load_model
 from tests.lab.rotation.closed_loop import DELAY_STEPS, REACTION_M, STEP_S, VEHICLE, Truth, flights
 from tests.lab.rotation.test_forecast import observe
 from tests.support.commands import Result
@@ -310,9 +310,13 @@ def test_the_command_tells_the_drag_of_the_simulator_and_no_more_than_was_flown(
     quadctl: Callable[..., Result], tmp_path: Path
 ) -> None:
     """PX4's SIH has a drag of 1.0 1/s; the runs were along x alone."""
-    out = tmp_path / "rotation.json"
-    shown = quadctl("rotation", str(SIH / "sih_quadx.yaml"), str(SIH / "B_forward.ulg"), "--json", str(out))
+    out, saved = tmp_path / "rotation.json", tmp_path / "turning.yaml"
+    given = (str(SIH / "sih_quadx.yaml"), str(SIH / "B_forward.ulg"))
+    shown = quadctl("rotation", *given, "--json", str(out), "-o", str(saved))
     assert shown.status == 0, shown.err
+    assert load_model(saved).observer is not None
+    assert quadctl("export", saved, "--to", "numpy", "-o", tmp_path / "body.py").status == 0
+    assert "def roll_out(x, u, p):" in (tmp_path / "body.py").read_text()
     found = json.loads(out.read_text())
     low, high = found["drag"]["d_x"]["ci95"]
     assert low < 1.0 < high < 1.2
