@@ -17,6 +17,7 @@ from quadctl.files import write_text
 from quadctl.frames import GRAVITY_M_S2, Quaternion, rotate, rotate_inverse
 from quadctl.installed import is_installed
 from quadctl.numeric import Number, Vector
+from quadctl.observer import Observer
 from quadctl.settings import Settings, read_yaml, validate
 from quadctl.surfaces import Place
 from quadctl.vehicle import Vehicle
@@ -80,6 +81,8 @@ class Model:
     """The file that the vehicle was read from, so that a saved model can refer to it."""
     effect_files: tuple[Path, ...] = field(default=(), compare=False)
     """The user's Python files whose effects the model may hold."""
+    observer: Observer | None = None
+    """Noise by which slow forces and moments are observed in flights of this vehicle."""
 
     @cached_property
     def effects(self) -> tuple[Effect, ...]:
@@ -228,6 +231,15 @@ class Model:
         return tuple(e for e in self.effects if e.acts_by("wind_ned_m_s"))
 
     @cached_property
+    def command_delay_s(self) -> tuple[float, float, float] | None:
+        """Delay of the thrust after its command, s, with its interval, as the flights of the fit have shown it last,
+        else that of the vehicle file; None where there is none above 0."""
+        told = [item.fitted.command_delay_s for item in self.stack if item.fitted is not None]
+        of_file = self.vehicle.rotor.delay_s
+        known = [(of_file, of_file, of_file), *(delay for delay in told if delay is not None)]
+        return known[-1] if known[-1][0] > 0.0 else None
+
+    @cached_property
     def acting(self) -> tuple[Effect, ...]:
         """The effects of the stack, each standing back for the others where it must."""
         present = {effect.family() for effect in self.effects}
@@ -284,6 +296,7 @@ class _ModelFile(Settings):
     effect_files: list[str] = Field(default_factory=list)
     """Python files with a user's own effects, relative to this file."""
     effects: list[EffectEntry] = Field(default_factory=list)
+    observer: Observer | None = None
 
 
 def load_model(path: Path | str) -> Model:
@@ -321,7 +334,7 @@ def model_from_dict(data: dict[str, Any], path: Path) -> Model:
     for i, family in enumerate(families):
         if family in families[:i]:
             raise SettingsError(f"{path}: effects[{i + 1}] is a second {family}, expected each family once")
-    return Model(vehicle, stack, name=path.stem, vehicle_path=vehicle_path, effect_files=files)
+    return Model(vehicle, stack, name=path.stem, vehicle_path=vehicle_path, effect_files=files, observer=entry.observer)
 
 
 def save_model(model: Model, path: Path | str) -> None:
@@ -349,7 +362,8 @@ def model_to_dict(model: Model, folder: Path | None) -> dict[str, Any]:
         effects.append(entry)
     files = [_relative(file, folder) if folder is not None else str(file.resolve()) for file in model.effect_files]
     own = {"effect_files": files} if files else {}
-    return {"vehicle": vehicle, **own, "effects": effects}
+    observer = {"observer": model.observer.model_dump()} if model.observer is not None else {}
+    return {"vehicle": vehicle, **own, "effects": effects, **observer}
 
 
 def _relative(path: Path, folder: Path) -> str:

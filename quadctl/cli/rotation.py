@@ -48,5 +48,7 @@ def rotation(
         console.print(forecasts(unseen))
     write_json(json_out, found.to_dict() | ({"rollouts": unseen.to_dict()} if unseen is not None else {}))
     if output is not None:  # a refusal of a new model loses nothing of what was found
-        save_model(interface.add_rotation(model, found), output)
+        with console.status("fitting the observer"):
+            new = interface.add_rotation(model, found, read)
+        save_model(new, output)
         print_saved(output)

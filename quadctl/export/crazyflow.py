@@ -14,7 +14,7 @@ from quadctl.effects.rotor_reaction import InertialReaction
 from quadctl.effects.thrust_scale import ConstantScale
 from quadctl.errors import SettingsError
 from quadctl.export.centred import centred
-from quadctl.export.equations import commands_left_out
+from quadctl.export.equations import commands_left_out, effect_left_out
 from quadctl.export.left_out import Kind
 from quadctl.frames import GRAVITY_M_S2
 from quadctl.model import Model
@@ -63,7 +63,7 @@ def parameters(model: Model) -> Parameters:
             lag = "one of their sum in crazyflow, of speed, not of thrust"
             left_out.append(fact(Kind.TWO_LAGS, effect=effect.name, target=lag))
         else:
-            left_out.append(fact(Kind.NO_PARAMETER, effect=effect.name, target="crazyflow's first_principles"))
+            left_out.append(effect_left_out(effect, "crazyflow's first_principles", by_speeds=True))
     thrust_n_per_rpm2 = scale * vehicle.rotor.thrust_n_per_rpm2
     inertia = vehicle.principal_inertia_kg_m2
     rate = 1.0 / max(lag_s, LEAST_LAG_S)
@@ -96,7 +96,8 @@ def crazyflow_code(model: Model) -> tuple[str, tuple[Fact, ...]]:
             f'"""Parameters of {model.name} for first_principles.dynamics of crazyflow and drone-models.',
             "",
             "Written by quadctl. World: north, west, up; body: forward, left, up; quaternion: x, y, z, w; rotors: rpm.",
-            "Use: dynamics(pos, quat, vel, ang_vel, cmd, rotor_vel, **parameters).",
+            "Use: dynamics(pos, quat, vel, ang_vel, cmd, rotor_vel, dist_f, dist_t, **parameters).",
+            "dist_f, N, and dist_t, N m, are a slow force and moment, both along world axes.",
             *(f"Left out: {reason}." for reason in left_out),
             '"""',
             "",

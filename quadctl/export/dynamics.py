@@ -26,6 +26,7 @@ from quadctl.export.equations import (
 from quadctl.frames import GRAVITY_M_S2, rotate, rotate_inverse
 from quadctl.model import Model
 from quadctl.numeric import SYMBOLIC, Vector, plus
+from quadctl.observer import DISTURBANCES, Observer
 from quadctl.words import Fact
 
 SAMPLE_STATE = (0.3, -0.2, -0.7, 1.1, -0.6, 0.4, 0.94, 0.14, -0.1, 0.295, 0.1, -0.2, 0.3)
@@ -50,8 +51,11 @@ class Dynamics(NamedTuple):
     """x, u, p -> x_dot, with x as in STATE, u the nominal thrust of each rotor, k rpm², N, and p as in `parameters`."""
     commanded: ca.Function
     """The same with the states of the rotors behind those of x, and u the command of each rotor, 0..1."""
+    disturbed: ca.Function | None
+    """The same with the states of slow forces and moments behind those, which fade; None for a model without an
+    observer."""
     states: tuple[str, ...]
-    """Names of the states of `commanded`."""
+    """Names of the states of `disturbed`, or of `commanded`."""
     parameters: tuple[str, ...]
     left_out: tuple[Fact, ...]
     """Parts of the model that are not in the functions, each with the reason."""
@@ -78,10 +82,16 @@ def dynamics(model: Model) -> Dynamics:
     function = ca.Function("quadrotor", [x, u, p], [ca.vertcat(*prompt)], ["x", "u", "p"], ["x_dot"])
     if not _is_as_the_model(function, model, names):
         raise cannot_be_evaluated(_culprit(model), "it then gives other numbers")
-    commanded = ca.Function(
-        "commanded", [ca.vertcat(x, rotors), u, p], [ca.vertcat(*whole)], ["x", "u", "p"], ["x_dot"]
-    )
-    return Dynamics(function, commanded, (*STATE, *stages.states(n)), names, left_out(model, stages))
+    states = ca.vertcat(x, rotors)
+    commanded = ca.Function("commanded", [states, u, p], [ca.vertcat(*whole)], ["x", "u", "p"], ["x_dot"])
+    disturbed, names_of_states = None, (*STATE, *stages.states(n))
+    if model.observer is not None:
+        d, names_of_states = ca.SX.sym("disturbances", len(DISTURBANCES)), (*names_of_states, *DISTURBANCES)
+        moved = _disturbed(whole, _each(d), model.observer)
+        disturbed = ca.Function(
+            "disturbed", [ca.vertcat(states, d), u, p], [ca.vertcat(*moved)], ["x", "u", "p"], ["x_dot"]
+        )
+    return Dynamics(function, commanded, disturbed, names_of_states, names, left_out(model, stages))
 
 
 def _conditions(model: Model, x: Sequence[Any], p: Sequence[Any], names: Sequence[str]) -> Conditions:
@@ -118,6 +128,14 @@ def _commanded(
     rates += _lag(rotors, stages.before.rotor_thrust(thrust, here), stages.late.time_constant_s)
     here = replace(here, thrust_rate_n_s=rates[-n:])
     return [*_moved(model, x, stages.after.rotor_thrust(rotors, here), here), *rates]
+
+
+def _disturbed(rates: list[ca.SX], d: list[ca.SX], observer: Observer) -> list[ca.SX]:
+    """Derivatives with those of disturbances, which move velocity and body rates."""
+    moved, axes = list(rates), len(d) // 2
+    for axis, row in enumerate((3, 4, 5, 10, 11, 12)):
+        moved[row] += d[axis] + d[axes + axis]
+    return [*moved, *(-now / lasting_s for now, lasting_s in zip(d, observer.lasting_s, strict=True))]
 
 
 def _lag(thrust: Sequence[ca.SX], wanted: Sequence[ca.SX], time_constant_s: float) -> list[ca.SX]:

@@ -9,6 +9,7 @@ the lab's prediction.
 from dataclasses import replace
 from typing import NamedTuple
 
+from quadctl.effects import Effect
 from quadctl.effects.ground_effect_surfaces import Surfaces
 from quadctl.effects.motor_lag import FirstOrderLag
 from quadctl.effects.per_flight import PerFlight
@@ -97,18 +98,9 @@ def parameters(model: Model) -> tuple[str, ...]:
     return (*PARAMETERS, *(f"{SHARE}{surface}" for surface in dict.fromkeys(named)))
 
 
-def command_delay_s(model: Model) -> tuple[float, float, float] | None:
-    """Delay of the thrust after its command, s, with its interval, as the flights of the fit have shown it last, else
-    that of the vehicle file; None where there is none above 0."""
-    told = [item.fitted.command_delay_s for item in model.stack if item.fitted is not None]
-    of_file = model.vehicle.rotor.delay_s
-    known = [(of_file, of_file, of_file), *(delay for delay in told if delay is not None)]
-    return known[-1] if known[-1][0] > 0.0 else None
-
-
 def delay_left_out(model: Model) -> list[Fact]:
     """The delay of the command, which no target can hold; none where there is none."""
-    if (delay := command_delay_s(model)) is None:
+    if (delay := model.command_delay_s) is None:
         return []
     return [fact(Kind.DELAY, **dict(zip(("delay_s", "low_s", "high_s"), delay, strict=True)))]
 
@@ -117,7 +109,19 @@ def commands_left_out(model: Model, target: str) -> list[Fact]:
     """Parts of the model before the speeds of the rotors, for a target that is commanded by these."""
     line = model.vehicle.throttle
     throttle = fact(Kind.THROTTLE_LINE, offset=line.offset, per_newton=line.per_newton, target=target)
-    return [throttle, *delay_left_out(model)]
+    return [throttle, *delay_left_out(model), *observer_left_out(model, target)]
+
+
+def observer_left_out(model: Model, target: str) -> list[Fact]:
+    """The observer, for a target that has no states of slow forces and moments; none where the model has none."""
+    return [fact(Kind.OBSERVER, target=target)] if model.observer is not None else []
+
+
+def effect_left_out(effect: Effect, target: str, *, by_speeds: bool = False) -> Fact:
+    """An effect for which a target has no parameter; a map of the command means nothing where it is commanded
+    `by_speeds`."""
+    of_command = by_speeds and effect.only_without_rotor_speeds
+    return fact(Kind.OF_COMMAND if of_command else Kind.NO_PARAMETER, effect=effect.name, target=target)
 
 
 def left_out(model: Model, stages: Actuation) -> tuple[Fact, ...]:

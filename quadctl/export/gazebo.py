@@ -14,7 +14,7 @@ from quadctl.effects.motor_lag import FirstOrderLag
 from quadctl.effects.rotor_drag import LinearDrag
 from quadctl.effects.thrust_scale import ConstantScale
 from quadctl.export.centred import centred
-from quadctl.export.equations import commands_left_out
+from quadctl.export.equations import commands_left_out, effect_left_out
 from quadctl.export.left_out import Kind
 from quadctl.model import Model
 from quadctl.vehicle import RotorPlace, Vehicle
@@ -58,7 +58,7 @@ def gazebo_sdf(model: Model) -> tuple[str, tuple[Fact, ...]]:
             if effect.d_z:
                 left_out.append(fact(Kind.ALONG_AXES, effect=effect.name, d_z=effect.d_z))
         elif not isinstance(effect, ConstantScale):
-            left_out.append(fact(Kind.NO_PARAMETER, effect=effect.name, target="the motor model plugin"))
+            left_out.append(effect_left_out(effect, "the motor model plugin", by_speeds=True))
     speeds = {
         "timeConstantUp": lag_s,
         "timeConstantDown": lag_s,

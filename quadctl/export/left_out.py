@@ -16,9 +16,11 @@ class Kind(Kinds):
     OTHER_DELAY = "{effect}: a delay of another kind than a first-order lag"
     TWO_LAGS = "{effect}: two lags in a row, {target}"
     THROTTLE_LINE = "throttle line ({offset:g} + {per_newton:g} T): {target} is commanded by rotor speeds"
+    OF_COMMAND = "{effect}: it makes a thrust of the command: {target} is commanded by rotor speeds"
     THROTTLE_OFFSET = "throttle offset {offset:g}: SIH's thrust is proportional to the output"
     MOTOR_LAG = "motor lag: SITL has a limit of the slope (slew_max) instead"
     EACH_ROTOR = "battery, voltage sag and position of each rotor: SITL's own"
+    OBSERVER = "observer of slow forces and moments: {target} has no such states; --to numpy holds it"
     # --- what the equations hold for no flight, or not at all ---
     SENSED = "{effect}: an error of the accelerometer, which moves nothing"
     LATER_FLIGHT = "{effect}: it begins in flight {flight:g}, and these equations are of no flight"

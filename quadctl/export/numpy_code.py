@@ -4,6 +4,7 @@ Each effect is a function of its own, with its parameters as constants above it.
 code computes, by `terms`.
 """
 
+import inspect
 import re
 import textwrap
 from collections.abc import Callable, Iterator, Sequence
@@ -18,13 +19,13 @@ from quadctl.export.equations import (
     Actuation,
     actuation,
     cannot_be_evaluated,
-    command_delay_s,
     left_out,
     parameters,
 )
 from quadctl.export.terms import Named, Names, Renamed, Symbol, written
 from quadctl.frames import GRAVITY_M_S2
 from quadctl.model import Model, StackedEffect
+from quadctl.observer import DISTURBANCES, delayed, disturbances, lagged, rolled_out, steady_filter
 from quadctl.vehicle import Vehicle
 from quadctl.words import Fact
 
@@ -51,6 +52,8 @@ ARGUMENTS = (
 )
 """Arguments in the order in which they stand."""
 _RESERVED = {"np", "known_or", "vector", "to_body", "to_world"}
+_OBSERVING = (delayed, lagged, steady_filter, disturbances, rolled_out)
+"""Functions of the observer, whose text the file holds as it stands."""
 
 
 class _Function(NamedTuple):
@@ -122,8 +125,11 @@ class _File:
     def text(self) -> str:
         effects, blocks = self._effects()
         wind = [function for hook, _, function in effects if hook is WIND]
+        observes = self._model.observer is not None
+        callables = "from collections.abc import Callable\n" if observes else ""
+        imports = f"{callables}from types import SimpleNamespace\n\nimport numpy as np"
         parts = [
-            f"{self._docstring()}\n\nfrom types import SimpleNamespace\n\nimport numpy as np\n\n{self._constants()}",
+            f"{self._docstring()}\n\n{imports}\n\n{self._constants()}",
             *blocks,
             _HELPERS,
             self._conditions(wind),
@@ -131,6 +137,8 @@ class _File:
             self._motion(effects),
             self._x_dot(),
             self._commanded(),
+            *([inspect.getsource(function) for function in _OBSERVING] if observes else []),
+            self._observed() if observes else "",
         ]
         return "\n\n\n".join(part.strip("\n") for part in parts if part) + "\n"
 
@@ -198,6 +206,7 @@ class _File:
         said = [
             f"Equations of motion of {self._model.name}, written by quadctl. Effects: {effects}.",
             "x_dot takes the nominal thrust of each rotor; x_dot_commanded takes their commands and holds their lag.",
+            *([_HOW_OBSERVED] if self._model.observer is not None else []),
             "World axes: north, east, down; body axes: forward, right, down; quaternions: body to world, scalar first.",
             *(f"Not in these equations: {reason}." for reason in left_out(self._model, self._stages)),
         ]
@@ -206,7 +215,7 @@ class _File:
 
     def _constants(self) -> str:
         vehicle, line = self._vehicle, self._vehicle.throttle
-        stages, delay = self._stages, command_delay_s(self._model)
+        stages, delay = self._stages, self._model.command_delay_s
         states = stages.states(vehicle.n_rotors)
         lines = [
             _tuple("STATE", STATE),
@@ -230,12 +239,29 @@ class _File:
             f"THROTTLE_PER_NEWTON = {line.per_newton!r}  # command per thrust of all rotors, 1/N",
             *(f"{stage.constant} = {stage.time_constant_s!r}  # s, lag: {stage.said}" for stage in stages.stages),
             *([f"COMMAND_DELAY_S = {delay[0]!r}  # x_dot_commanded takes the command of so long ago"] if delay else []),
+            *self._observer(delay is not None),
         ]
         known = {line.partition(" = ")[0] for line in lines}
         for name, value in sorted(self._used.items()):
             if name not in known:
                 lines.append(f"{name} = {value!r}" if isinstance(value, float) else _array(name, value))
         return "\n".join(lines)
+
+    def _observer(self, has_delay: bool) -> list[str]:
+        """Constants of the observer, where the model has one."""
+        observer = self._model.observer
+        if observer is None:
+            return []
+        following = "".join(f"[{stage.constant}] * N_ROTORS + " for stage in self._stages.stages)
+        return [
+            *([] if has_delay else ["COMMAND_DELAY_S = 0.0"]),
+            "",
+            "# --- observer of slow forces and moments ---",
+            f"STEP_S = {observer.step_s!r}  # of its samples",
+            _tuple("DISTURBANCES", DISTURBANCES),
+            _array("NOISE", observer.noise.tolist(), "quick, quick_s, slow, slow_s, sensor: as in DISTURBANCES"),
+            f"LAGS_S = np.array({following}[*NOISE[:, 1], *NOISE[:, 3]])  # of what stands behind STATE",
+        ]
 
     def _conditions(self, winds: Sequence[_Function]) -> str:
         shares = [f"        {name}=p[{i}]," for i, name in enumerate(self._names) if name.startswith(SHARE)]
@@ -362,6 +388,19 @@ class _File:
                 returned,
             ]
         )
+
+    def _observed(self) -> str:
+        stages, wanted, lines, states = self._stages, "commanded_thrust(u)", [], ["x"]
+        if stages.rotors is not None:
+            lines.append(f"rotors_n = lagged({wanted}, {stages.rotors.constant}, STEP_S)")
+            wanted, states = "rotors_n", [*states, "rotors_n"]
+        if stages.late is not None:
+            early = f"early_thrust({wanted}, conditions(x, p))"
+            lines.append(f"late_n = lagged({early}, {stages.late.constant}, STEP_S)")
+            states.append("late_n")
+        if lines:
+            lines.append(f"x = np.concatenate([{', '.join(states)}])")
+        return _OBSERVED.replace("    # rotors\n", "".join(f"    {line}\n" for line in lines))
 
 
 class _Constants:
@@ -534,3 +573,43 @@ def to_body(attitude, world):
     w, x, y, z = attitude
     return to_world((w, -x, -y, -z), world)
 '''
+
+_HOW_OBSERVED = "observed finds rotor states, slow forces and moments in the past; roll_out goes on with them."
+_OBSERVED = '''
+def sent(u):
+    """Commands as the rotors get them, after the delay, shape (rotors, samples) as of u."""
+    return delayed(np.asarray(u, dtype=float), COMMAND_DELAY_S, STEP_S)
+
+
+def observed(x, u, p):
+    """States of a flight with ROTOR_STATES and DISTURBANCES behind them, shape (states, samples).
+
+    Each sample knows those before it, and needs two seconds of them. x: as in STATE, shape (13, samples), u: as `sent`
+    gives it, shape (rotors, samples), both every STEP_S; p: as in PARAMETERS.
+    """
+    x, u, p = aligned(x, u, p)
+    # rotors
+    rate = x_dot_commanded(x, u, p)
+    moved, by_model = (np.concatenate([of[3:6], of[10:13]]) for of in (x, rate))
+    return np.concatenate([x, disturbances(moved, by_model, NOISE, STEP_S)])
+
+
+def x_dot_disturbed(x, u, p):
+    """Time derivative of x, as in STATE, ROTOR_STATES and DISTURBANCES, which fade; u and p: as x_dot_commanded."""
+    at = len(STATE) + len(ROTOR_STATES)
+    rate = x_dot_commanded(x[:at], u, p)
+    quick, slow = x[at : at + 6], x[at + 6 :]
+    rate[3:6] += quick[:3] + slow[:3]
+    rate[10:13] += quick[3:] + slow[3:]
+    return np.concatenate([rate, (-x[at:].T / LAGS_S[at - len(STATE) :]).T])
+
+
+def roll_out(x, u, p):
+    """States from x on, every STEP_S, shape (states, steps + 1) or (states, steps + 1, windows).
+
+    x: as `observed` gives it, shape (states,) or (states, windows); u: as `sent` gives it, at x and at each step,
+    shape (rotors, steps + 1) or (rotors, steps + 1, windows); p: as in PARAMETERS.
+    """
+    return rolled_out(lambda x, u: x_dot_disturbed(x, u, p), np.asarray(x, dtype=float), np.asarray(u), LAGS_S, STEP_S)
+'''
+"""The observer, with a place for the states of the rotors."""

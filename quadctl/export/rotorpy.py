@@ -9,6 +9,7 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 from quadctl.effects import Effect
+from quadctl.effects.airspeed_moment import IsotropicMoment
 from quadctl.effects.body_drag import QuadraticDrag
 from quadctl.effects.inflow import AxialInflow
 from quadctl.effects.motor_lag import FirstOrderLag
@@ -17,7 +18,7 @@ from quadctl.effects.thrust_scale import ConstantScale
 from quadctl.effects.translational_lift import HorizontalLift
 from quadctl.errors import SettingsError
 from quadctl.export.centred import centred
-from quadctl.export.equations import commands_left_out
+from quadctl.export.equations import commands_left_out, effect_left_out
 from quadctl.export.left_out import Kind
 from quadctl.frames import GRAVITY_M_S2
 from quadctl.model import Model
@@ -92,7 +93,7 @@ def parameters(model: Model) -> Parameters:
             continue
         translate = _TRANSLATIONS.get(type(effect))
         if translate is None:
-            left_out.append(fact(Kind.NO_PARAMETER, effect=effect.name, target="RotorPy's vehicle"))
+            left_out.append(effect_left_out(effect, "RotorPy's vehicle", by_speeds=True))
             continue
         added, remarks = translate(effect, vehicle, hover_rad_s)
         for name, value in added.items():
@@ -181,9 +182,19 @@ def _lift(effect: Effect, vehicle: Vehicle, hover_rad_s: float) -> _Translated:
     return {"k_h": effect.gain * vehicle.weight_n / (vehicle.n_rotors * v_h**2)}, [remark]
 
 
+def _flapping(effect: Effect, vehicle: Vehicle, hover_rad_s: float) -> _Translated:
+    """RotorPy's moment of a rotor is -omega k_flap (v, -u, 0), v leftward; the model's T k (v, -u, 0) in these axes."""
+    assert isinstance(effect, IsotropicMoment)
+    moment = 1e-3 * effect.k * vehicle.weight_n
+    thrust, speed = "proportional to the thrust", "to the rotor speed in RotorPy"
+    remark = fact(Kind.OTHER_FORM, effect=effect.name, model=thrust, target=speed, equal="they are equal")
+    return {"k_flap": -moment / (vehicle.n_rotors * hover_rad_s)}, [remark]
+
+
 _TRANSLATIONS: dict[type[Effect], Callable[[Effect, Vehicle, float], _Translated]] = {
     LinearDrag: _rotor_drag,
     QuadraticDrag: _body_drag,
     AxialInflow: _inflow,
     HorizontalLift: _lift,
+    IsotropicMoment: _flapping,
 }

@@ -11,7 +11,7 @@ from quadctl.effects.motor_lag import FirstOrderLag
 from quadctl.effects.rotor_drag import LinearDrag
 from quadctl.effects.thrust_scale import ConstantScale
 from quadctl.errors import SettingsError
-from quadctl.export.equations import delay_left_out
+from quadctl.export.equations import delay_left_out, observer_left_out
 from quadctl.export.left_out import Kind
 from quadctl.export.px4 import REAL32
 from quadctl.model import Model
@@ -32,7 +32,8 @@ def sih_parameters(model: Model) -> tuple[str, tuple[Fact, ...]]:
     """
     vehicle = model.vehicle
     roll_m, pitch_m = _levers_m(vehicle)
-    scale, drag_kg_s, lag_s, left_out = 1.0, 0.0, vehicle.rotor.time_constant_s, delay_left_out(model)
+    scale, drag_kg_s, lag_s = 1.0, 0.0, vehicle.rotor.time_constant_s
+    left_out = [*delay_left_out(model), *observer_left_out(model, "SIH")]
     for item in model.stack:
         effect = item.effect
         if isinstance(effect, ConstantScale):

@@ -13,7 +13,7 @@ from quadctl.effects.body_drag import QuadraticDrag
 from quadctl.effects.rotor_drag import LinearDrag
 from quadctl.errors import SettingsError
 from quadctl.export.ardupilot import ARDUPILOT
-from quadctl.export.equations import delay_left_out
+from quadctl.export.equations import delay_left_out, observer_left_out
 from quadctl.export.hover import bend, lift_n, root
 from quadctl.export.left_out import Kind
 from quadctl.frames import GRAVITY_M_S2
@@ -49,6 +49,7 @@ def sitl_frame(model: Model) -> tuple[str, tuple[Fact, ...]]:
         Fact(Kind.MOTOR_LAG),
         Fact(Kind.EACH_ROTOR),
         *delay_left_out(model),
+        *observer_left_out(model, "SITL"),
     ]
     drag_per_s, area_m2 = 0.0, 0.0
     for effect in model.effects:

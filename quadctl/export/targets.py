@@ -24,8 +24,9 @@ def _write_casadi(model: Model, path: Path) -> tuple[Fact, ...]:
     with TemporaryDirectory() as folder:  # CasADi says nothing where it cannot write
         saved = Path(folder) / "body.casadi"
         file = ca.FileSerializer(str(saved))
-        file.pack(equations.function)
-        file.pack(equations.commanded)
+        for function in (equations.function, equations.commanded, equations.disturbed):
+            if function is not None:
+                file.pack(function)
         del file  # closes it
         path.write_bytes(saved.read_bytes())
     return equations.left_out

@@ -115,8 +115,9 @@ def _page(
     horizon; they name no cause. The perceptrons (scikit-learn) are the mean of four with 32 hidden units, each stopped
     by flights that it does not learn from.
 
-    - **{ESTIMATED}**: parameters as below, with an observer of the slow force and the slow moment. What a simulator may
-    use, which closes the loop itself; replayed commands that answered disturbances drive it away from the record.
+    - **{ESTIMATED}**: the model that `quadctl rotation -o` saves, with its observer of slow forces and moments, as
+    [exported code](export.md#the-past-and-rollouts) rolls it out. What a simulator may use, which closes the loop
+    itself; replayed commands that answered disturbances drive it away from the record.
 
     - **{FORECAST}**: the past is explained by the physics as estimated; of what is to come a share is trusted, with
     more damping, fitted to the forecasts after 0.25 and 0.5 s. Of flights under this controller only, and no what-if.

@@ -25,10 +25,11 @@ from quadctl.lab.rotation.regression import (
     side_by_side,
     with_motions,
 )
-from quadctl.lab.rotation.rollout import State, Track, errors, held, observe, roll_out, state_at, turned_back
-from quadctl.lab.rotation.unseen import STEP_S, Flown, Known, flown_of, know, late_of
+from quadctl.lab.rotation.rollout import State, Track, errors, held, state_at, turned_back
+from quadctl.lab.rotation.unseen import STEP_S, Flown, Known, flown_of, know
 from quadctl.logs.findings import Span
 from quadctl.logs.flight_log import FlightLog
+from quadctl.model import Model
 from quadctl.vehicle import Vehicle
 
 from .perceptron import fit_perceptrons
@@ -94,7 +95,7 @@ def judged(
     window in every so many samples, by the name of the model."""
     steps = [round(h / STEP_S) for h in horizons_s]
     begin = time.process_time()
-    known = know([f.flown for f in train], vehicle, estimate_every=ESTIMATE_EVERY)
+    known = know([f.flown for f in train], Model(vehicle), estimate_every=ESTIMATE_EVERY)
     physics_s = time.process_time() - begin
     training = [Windows(f.flown.track, TRAIN_EVERY, steps, known) for f in train]
     found = {}
@@ -145,7 +146,7 @@ class Windows:
 
     @cached_property
     def _moved(self) -> Track:
-        return with_motions(self.track, self.known.vehicle)
+        return with_motions(self.track, self.known.model.vehicle)
 
     @cached_property
     def _past(self) -> Features:
@@ -205,11 +206,8 @@ def _held(windows: Windows) -> list[State]:
 
 
 def _as_estimated(windows: Windows) -> list[State]:
-    """Rollouts by the physics as estimated, with the observer that suits it."""
-    track, known = windows.track, windows.known
-    driven = known.commands(track).driven(*late_of(known.rotation))
-    seen = observe(track, driven, known.physics, known.noise)
-    return roll_out(track, driven, known.physics, seen, windows.rows, windows.steps)
+    """Rollouts by the model of the physics as estimated, with its observer."""
+    return windows.known.replay(windows.track).roll_out(windows.rows, windows.steps)
 
 
 def _fitted(training: Sequence[Windows], fit: Callable[[list[Features], list[Floats]], Map]) -> Predict:

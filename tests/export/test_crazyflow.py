@@ -1,7 +1,6 @@
 """Parameters of crazyflow and drone-models from a model: flown back in their equations, they predict as it does."""
 
-import importlib.util
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -24,18 +23,6 @@ from tests.support.places import VEHICLES
 
 FLIP = np.array([1.0, -1.0, -1.0])
 """Between north, east, down and north, west, up, and between forward, right, down and forward, left, up."""
-
-
-@pytest.fixture(scope="module")
-def dynamics() -> Iterator[Callable[..., Any]]:
-    """The function of drone-models, which asks for SciPy's array API before it is imported."""
-    if importlib.util.find_spec("drone_models") is None:
-        pytest.skip("drone-models is not installed")
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("SCIPY_ARRAY_API", "1")
-        from drone_models.first_principles import dynamics as function
-
-        yield function
 
 
 def parameters_of(model: Model) -> dict[str, Any]:

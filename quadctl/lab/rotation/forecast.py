@@ -31,6 +31,7 @@ from quadctl.lab.rotation.rollout import (
     state_at,
     unexplained_rates,
 )
+from quadctl.observer import Observer
 
 AHEAD_S = (0.25, 0.5)
 """Horizons over which the forecasts are fitted."""
@@ -111,15 +112,15 @@ def fit_forecast(
     commands: Sequence[Commands],
     past: Physics,
     past_late: tuple[Late, ...],
-    noise: Disturbances,
+    observer: Observer,
 ) -> Forecast:
-    """Forecast that comes closest to these flights over several horizons at once, from the noise `noise`.
+    """Forecast that comes closest to these flights over several horizons at once, from the noise of an observer.
 
     Errors of position, velocity, rotation and rates count by their size over that of the first guess, and large ones in
     proportion, as a mean error counts them.
     """
     joined = _Joined(tracks, commands, past, past_late)
-    start = _start(noise)
+    start = _start(observer)
     free = [*TRUSTED, *(_Free(n, s, lo, hi, 1.0) for n, s, lo, hi in start)]
     scale = np.array([f.scale for f in free])
 
@@ -141,12 +142,13 @@ def fit_forecast(
     return forecast(found.x)
 
 
-def _start(noise: Disturbances) -> list[tuple[str, float, float, float]]:
+def _start(observer: Observer) -> list[tuple[str, float, float, float]]:
     """Name, start and bounds of the noise's logarithms, each for two axes where they are alike."""
-    pairs = (noise.moment[:2], noise.moment[2:], noise.force[:2], noise.force[2:])
+    pairs = (("roll", "pitch"), ("yaw",), ("north", "east"), ("down",))
     rows = []
     for name, alike in zip(NOISY, pairs, strict=True):
-        values = np.mean([np.log([n.quick_s, n.slow_s, n.slow, n.sensor]) for n in alike], axis=0)
+        of = [getattr(observer, axis) for axis in alike]
+        values = np.mean([np.log([n.quick_s, n.slow_s, n.slow / n.quick, n.sensor / n.quick]) for n in of], axis=0)
         for part, value, low, high in zip(NOISE_NAMES, values, LOWEST, HIGHEST, strict=True):
             rows.append((f"{name} {part}", float(np.clip(value, low + 0.1, high - 0.1)), low, high))
     return rows

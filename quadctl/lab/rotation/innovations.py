@@ -123,6 +123,8 @@ class SteadyFilter:
     """A, shape (m, m)."""
     gain: Floats
     """K, shape (m,)."""
+    variance: float
+    """Variance of the innovations, y[k] - x[k, 0]."""
 
     def whitened(self, signal: Floats) -> Floats:
         """Innovations of a signal, along the last axis: the signal through the inverse of the noise's filter."""
@@ -143,8 +145,8 @@ def steady_filter(drift: Floats, diffusion: Floats, noise: float, step_s: float)
     walk = transition @ joint[:m, m:]
     seen = np.eye(m)[:1]
     covariance = solve_discrete_are(transition.T, seen.T, 0.5 * (walk + walk.T), np.array([[noise]]))
-    gain = transition @ covariance[:, 0] / (covariance[0, 0] + noise)
-    return SteadyFilter(transition, gain)
+    variance = float(covariance[0, 0] + noise)
+    return SteadyFilter(transition, transition @ covariance[:, 0] / variance, variance)
 
 
 @dataclass(frozen=True)

@@ -1,5 +1,6 @@
-"""A model that turns as flights do: numbers of the vehicle, and effects on the moments."""
+"""A model that turns as flights do: numbers of the vehicle, effects on the moments, thrust map and drag."""
 
+from collections.abc import Iterable
 from dataclasses import replace
 
 from pydantic import ValidationError
@@ -7,13 +8,20 @@ from pydantic import ValidationError
 from quadctl.effects import Effect
 from quadctl.effects.airspeed_moment import IsotropicMoment
 from quadctl.effects.centre_of_mass import FixedOffset
+from quadctl.effects.motor_lag import FirstOrderLag
 from quadctl.effects.rate_damping import ProportionalDamping
+from quadctl.effects.rotor_drag import LinearDrag
 from quadctl.effects.rotor_reaction import InertialReaction
+from quadctl.effects.thrust_map import LineMap, VoltageMap
 from quadctl.errors import SettingsError
 from quadctl.lab.rotation.innovations import Value
 from quadctl.lab.rotation.parameters import AXES, Rotation, together
-from quadctl.model import Model, Provenance
+from quadctl.model import Model, Provenance, StackedEffect
 from quadctl.vehicle import Vehicle
+
+OF_THRUST = {"thrust_map", "thrust_scale", "thrust_curve", "battery_sag"}
+OF_DRAG = {"rotor_drag", "body_drag"}
+"""Families of effects beside which none of the kind is added."""
 
 
 def with_rotation(model: Model, found: Rotation) -> Model:
@@ -24,25 +32,39 @@ def with_rotation(model: Model, found: Rotation) -> Model:
     place of those in the model, as far as their intervals leave out 0. The moment by airspeed has one coefficient for
     roll and pitch, weighted by their intervals.
 
+    Thrust map and drag are of the accelerometer; where the model has some of its own, these stay. A `motor_lag` of the
+    model is part of the lag that is identified.
+
     Raises
     ------
     SettingsError
         Nothing is identified, or no body has such an inertia.
     """
-    fitted = (_damping(found), _airspeed(found, model.vehicle), _reaction(found), _centre(found))
-    effects = [effect for effect in fitted if effect is not None]
     vehicle = _vehicle(model.vehicle, found)
-    if not effects and vehicle == model.vehicle:
+    turning = (_damping(found), _airspeed(found, model.vehicle), _reaction(found), _centre(found))
+    if not any(turning) and vehicle == model.vehicle:
         raise SettingsError(
             f"{', '.join(found.names)}: nothing of the rotation is identified, so there is no new model"
         )
-    families = {effect.family() for effect, _ in effects}
-    kept = replace(model, stack=tuple(item for item in model.stack if item.effect.family() not in families))
+    own = {effect.family() for effect in model.effects}
+    first = None if own & OF_THRUST else _thrust(found, model.vehicle)
+    last = None if own & OF_DRAG else _drag(found)
     told = None if found.measured else found.delay
     delay_s = None if told is None else (told.value, told.low, told.high)
-    for effect, ci95 in effects:
-        kept = kept.plus(effect, Provenance(logs=found.names, ci95=ci95, command_delay_s=delay_s))
-    return replace(kept, vehicle=vehicle, vehicle_path=None)
+
+    def stacked(fitted: Iterable[Fitted | None]) -> tuple[StackedEffect, ...]:
+        return tuple(
+            StackedEffect(of[0], Provenance(logs=found.names, ci95=of[1], command_delay_s=delay_s))
+            for of in fitted
+            if of is not None
+        )
+
+    new = stacked((*turning, last))
+    replaced = {item.effect.family() for item in new}
+    if vehicle.rotor != model.vehicle.rotor:
+        replaced.add(FirstOrderLag.family())
+    kept = (item for item in model.stack if item.effect.family() not in replaced)
+    return replace(model, stack=(*stacked((first,)), *kept, *new), vehicle=vehicle, vehicle_path=None)
 
 
 def _vehicle(vehicle: Vehicle, found: Rotation) -> Vehicle:
@@ -66,6 +88,32 @@ def _vehicle(vehicle: Vehicle, found: Rotation) -> Vehicle:
 
 Fitted = tuple[Effect, dict[str, tuple[float, float]]]
 """An effect, and the 95 % intervals of its parameters."""
+
+
+def _thrust(found: Rotation, vehicle: Vehicle) -> Fitted | None:
+    """Line from command to thrust through that of level hover, or map with the voltage where the thrust follows it."""
+    e, level, line = found.thrust.found, found.level, vehicle.throttle
+    if e is None or level is None or found.measured:
+        return None
+    if found.thrust.by_voltage:
+        over = vehicle.hover_throttle / level.value
+        mapped = VoltageMap((2.0 - e.value) * over, (e.value - 1.0) * over**2, found.hover / found.hover_drive)
+        return mapped, {
+            "linear": ((2.0 - e.high) * over, (2.0 - e.low) * over),
+            "square": ((e.low - 1.0) * over**2, (e.high - 1.0) * over**2),
+        }
+    slope, share = line.per_newton * vehicle.weight_n / level.value, 1.0 - line.offset / level.value
+    values = {"factor": (e.low * slope, e.high * slope), "offset": (1.0 - e.high * share, 1.0 - e.low * share)}
+    return LineMap(e.value * slope, 1.0 - e.value * share), values
+
+
+def _drag(found: Rotation) -> Fitted | None:
+    drags = {name: fit.values["drag_1_s"] for name, fit in found.drag.items() if fit.white}
+    told = {name: value for name, value in drags.items() if value.low > 0.0}
+    if not told:
+        return None
+    drag = LinearDrag(**dict.fromkeys(("d_x", "d_y"), 0.0) | {name: value.value for name, value in told.items()})
+    return drag, {name: (value.low, value.high) for name, value in told.items()}
 
 
 def _damping(found: Rotation) -> Fitted | None:

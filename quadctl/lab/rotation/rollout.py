@@ -11,12 +11,11 @@ from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import least_squares
 from scipy.signal import lfilter
 
 from quadctl.frames import GRAVITY_M_S2, multiply, rotate
 from quadctl.lab.arrays import Floats
-from quadctl.lab.rotation.innovations import Noise, SteadyFilter, first_order, noise_of
+from quadctl.lab.rotation.innovations import Noise, SteadyFilter, first_order
 from quadctl.lab.rotation.parameters import differences
 from quadctl.lab.rotation.records import Delayed
 from quadctl.vehicle import Vehicle
@@ -170,14 +169,6 @@ def unexplained_velocity(track: Track, driven: Driven, physics: Physics) -> Floa
     return np.asarray((track.velocity - track.velocity[0]).T - first_order(force.T, 0.0, track.step_s))
 
 
-def observe(track: Track, driven: Driven, physics: Physics, noise: "Disturbances") -> tuple[Disturbance, Disturbance]:
-    """Slow and quick moment (FRD, rad/s^2) and force (NED, m/s^2) at each sample, from it and those before."""
-    return (
-        disturbance(unexplained_rates(track, driven, physics), noise.moment, physics.damping_1_s, track.step_s),
-        observe_force(track, driven, physics, noise),
-    )
-
-
 def observe_force(track: Track, driven: Driven, physics: Physics, noise: "Disturbances") -> Disturbance:
     """Slow and quick force, NED, m/s^2, at each sample, from it and those before."""
     return disturbance(unexplained_velocity(track, driven, physics), noise.force, (0.0, 0.0, 0.0), track.step_s)
@@ -209,52 +200,6 @@ class Disturbances:
 
     moment: tuple[Noise, ...]
     force: tuple[Noise, ...]
-
-
-START = np.array([-3.3, 0.9, 0.5, -4.0])
-LOWEST, HIGHEST = np.array([-5.0, -1.5, -7.0, -11.0]), np.array([-1.0, 3.5, 4.0, 5.0])
-"""Logarithms of the noise, as `noise_of` takes them."""
-AHEAD_S = (0.1, 0.25, 0.5)
-"""Horizons whose forecasts the observer's noise is fitted to: one that is fitted to the next sample follows quick
-disturbances, which are gone half a second later."""
-
-
-def fit_disturbances(tracks: Sequence[Track], driven: Sequence[Driven], physics: Physics) -> Disturbances:
-    """Noise by which the past forecasts these flights best, without a bias: an observer has none at its start."""
-    pairs, step_s = list(zip(tracks, driven, strict=True)), tracks[0].step_s
-    rates, velocity = ([f(t, d, physics) for t, d in pairs] for f in (unexplained_rates, unexplained_velocity))
-    moment = [_fitted([r[i] for r in rates], c, step_s) for i, c in enumerate(physics.damping_1_s)]
-    force = [_fitted([v[i] for v in velocity], 0.0, step_s) for i in range(3)]
-    return Disturbances(tuple(moment), tuple(force))
-
-
-def _fitted(signals: Sequence[Floats], damping_1_s: float, step_s: float) -> Noise:
-    """Noise that forecasts signals of shape (n,) best."""
-
-    def errors(x: Floats) -> Floats:
-        steady = noise_of(x).of_rate(damping_1_s, step_s)
-        return np.concatenate([_forecast_errors(signal, steady, step_s) for signal in signals])
-
-    steps = np.full(len(START), 1e-3)
-    return noise_of(least_squares(errors, START, bounds=(LOWEST, HIGHEST), diff_step=steps, ftol=1e-5).x)
-
-
-def _forecast_errors(signal: Floats, steady: SteadyFilter, step_s: float) -> Floats:
-    """Errors of the forecasts over `AHEAD_S`, and of their integrals over twice the horizon's mean, each over its
-    horizon, joined: a rate that is forecast turns an attitude, and a velocity moves a place."""
-    innovations = steady.whitened(signal)
-    found = []
-    # A forecast's error is the sum of the innovations until then, each with what it does to the signal by then.
-    reach = round(max(AHEAD_S) / step_s)
-    answers, power = [1.0], steady.gain
-    for _ in range(reach - 1):
-        answers.append(float(power[0]))
-        power = steady.transition @ power
-    for ahead_s in AHEAD_S:
-        reached = round(ahead_s / step_s)
-        both = (np.array(answers[:reached]), 2.0 * step_s / ahead_s * np.cumsum(answers[:reached]))
-        found += [lfilter(weights, [1.0], innovations)[reached:] / ahead_s for weights in both]
-    return np.concatenate(found)
 
 
 @dataclass(frozen=True, eq=False)

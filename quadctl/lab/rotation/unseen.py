@@ -1,35 +1,37 @@
 """Forecasts of flights, or parts of flights, that the fit did not see, beside a held state."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from contextlib import suppress
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from scipy.stats import t as student
 
-from quadctl.errors import LogError
+from quadctl.errors import LogError, SettingsError
 from quadctl.frames import quaternion_from_euler
 from quadctl.lab.arrays import Floats
 from quadctl.lab.rotation.forecast import SETTLED_S, Forecast, fit_forecast
 from quadctl.lab.rotation.innovations import BLOCK_S, Value
+from quadctl.lab.rotation.model import with_rotation
 from quadctl.lab.rotation.parameters import Rotation, fit_rotation
 from quadctl.lab.rotation.records import Record, record_of
+from quadctl.lab.rotation.replay import Replay, fit_observer
 from quadctl.lab.rotation.rollout import (
     HORIZONS_S,
     QUANTITIES,
     Commands,
-    Disturbances,
     Late,
     Physics,
     Track,
     commands_of,
     errors,
-    fit_disturbances,
     held,
 )
 from quadctl.logs.findings import Span
 from quadctl.logs.flight_log import ATTITUDE, POSITION, VELOCITY, FlightLog
 from quadctl.logs.record.record import examine
+from quadctl.model import Model
 from quadctl.vehicle import Vehicle
 
 STEP_S = 0.01
@@ -40,6 +42,8 @@ MOST_PARTS = 4
 LEAST_BLOCKS = 3
 """Number of blocks that an interval needs."""
 NED = np.array([1.0, 1.0, -1.0])
+STATE = (*POSITION, *VELOCITY, *ATTITUDE)
+"""Columns that a flight needs beside rates and commands to be forecast."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,7 +62,7 @@ def flown_of(log: FlightLog, vehicle: Vehicle, span_s: Span | None = None) -> Fl
     LogError
         As `record_of`; or the log has no position, velocity or attitude.
     """
-    if not all(map(log.has, (*POSITION, *VELOCITY, *ATTITUDE))):
+    if not all(map(log.has, STATE)):
         raise LogError(f"{log.name}: has no position, velocity or attitude, expected all to forecast the whole state")
     record = record_of(log, vehicle, span_s or _longest_usable(log))
     sampled = record.begin_s + record.step_s * np.arange(len(record.rates))
@@ -89,16 +93,15 @@ class Known:
     """Physics as estimated from flights, and what a forecast trusts of it."""
 
     rotation: Rotation
-    vehicle: Vehicle
-    noise: Disturbances
+    model: Model
+    """The model of the physics as estimated, with its observer, as it is saved."""
     forecast: Forecast
 
-    @property
-    def physics(self) -> Physics:
-        return physics_of(self.rotation)
-
     def commands(self, track: Track) -> Commands:
-        return _commands(track, self.rotation, self.vehicle)
+        return _commands(track, self.rotation, self.model.vehicle)
+
+    def replay(self, track: Track) -> Replay:
+        return Replay(self.model, track, self.rotation.measured)
 
 
 def _commands(track: Track, rotation: Rotation, vehicle: Vehicle) -> Commands:
@@ -128,15 +131,18 @@ def late_of(rotation: Rotation) -> tuple[tuple[Late, ...], Late]:
     return (roll, pitch, yaw), Late((roll.delay_s + pitch.delay_s) / 2.0, (roll.lag_s + pitch.lag_s) / 2.0)
 
 
-def know(flights: Sequence[Flown], vehicle: Vehicle, *, estimate_every: int = 1) -> Known:
-    """Estimate the physics from every so many of the flights, and fit its forecasts to all of them."""
+def know(flights: Sequence[Flown], model: Model, *, estimate_every: int = 1) -> Known:
+    """Estimate the physics from every so many of the flights, and fit its forecasts to all of them; what is not
+    identified stays as in `model`."""
     some = flights[::estimate_every]
-    rotation = fit_rotation([f.record for f in some], vehicle)
+    rotation = fit_rotation([f.record for f in some], model.vehicle)
+    with suppress(SettingsError):
+        model = with_rotation(model, rotation)
+    observer = fit_observer([Replay(model, f.track, rotation.measured) for f in some])
     physics, late = physics_of(rotation), late_of(rotation)
-    commands = [_commands(f.track, rotation, vehicle) for f in flights]
-    driven = [c.driven(*late) for c in commands[::estimate_every]]
-    noise = fit_disturbances([f.track for f in some], driven, physics)
-    return Known(rotation, vehicle, noise, fit_forecast([f.track for f in flights], commands, physics, late[0], noise))
+    commands = [_commands(f.track, rotation, model.vehicle) for f in flights]
+    forecast = fit_forecast([f.track for f in flights], commands, physics, late[0], observer)
+    return Known(rotation, replace(model, observer=observer), forecast)
 
 
 @dataclass(frozen=True, eq=False)
@@ -163,7 +169,7 @@ class Unseen:
         }
 
 
-def forecast_unseen(logs: Sequence[FlightLog], vehicle: Vehicle) -> Unseen:
+def forecast_unseen(logs: Sequence[FlightLog], model: Model) -> Unseen:
     """Leave out the flights in turn, in at most `MOST_PARTS` parts; of one flight, predict each half by the other.
 
     Raises
@@ -174,13 +180,13 @@ def forecast_unseen(logs: Sequence[FlightLog], vehicle: Vehicle) -> Unseen:
     if len(logs) == 1:
         begin, end = _longest_usable(logs[0])
         middle = (begin + end) / 2.0
-        parts = [[flown_of(logs[0], vehicle, span)] for span in ((begin, middle), (middle, end))]
+        parts = [[flown_of(logs[0], model.vehicle, span)] for span in ((begin, middle), (middle, end))]
     else:
-        flights = [flown_of(log, vehicle) for log in logs]
+        flights = [flown_of(log, model.vehicle) for log in logs]
         parts = [flights[i::MOST_PARTS] for i in range(min(MOST_PARTS, len(flights)))]
-    found: dict[str, list[Floats]] = {"held": [], "forecast": []}
+    found: dict[str, list[Floats]] = {"held": [], "model": [], "forecast": []}
     for part in parts:
-        known = know([flown for other in parts if other is not part for flown in other], vehicle)
+        known = know([flown for other in parts if other is not part for flown in other], model)
         for flown in part:
             for name, blocks in _in_blocks(flown.track, known).items():
                 found[name] += blocks
@@ -196,12 +202,13 @@ def _in_blocks(track: Track, known: Known) -> dict[str, list[Floats]]:
     rows = rows[: len(rows) // size * size]
     if len(rows) == 0:
         return {}
-    ends = known.forecast.roll_out(track, known.commands(track), rows, steps)
-    both = {
-        "held": [errors(held(track, rows, k), track, rows + k) for k in steps],
-        "forecast": [errors(end, track, rows + k) for k, end in zip(steps, ends, strict=True)],
+    ends = {
+        "held": [held(track, rows, k) for k in steps],
+        "model": known.replay(track).roll_out(rows, steps),
+        "forecast": known.forecast.roll_out(track, known.commands(track), rows, steps),
     }
-    return {
-        name: list(np.stack(of, axis=1).reshape(-1, size, len(steps), len(QUANTITIES)).mean(axis=1))
-        for name, of in both.items()
-    }
+    found = {}
+    for name, states in ends.items():
+        missed = [errors(state, track, rows + k) for k, state in zip(steps, states, strict=True)]
+        found[name] = list(np.stack(missed, axis=1).reshape(-1, size, len(steps), len(QUANTITIES)).mean(axis=1))
+    return found

@@ -47,7 +47,10 @@ def forecasts(unseen: Unseen) -> RenderableType:
         for model in unseen.errors:
             values = [_shown(unseen.mean(model, h, quantity)) for quantity in range(4)]
             table.add_row(f"{horizon_s:g} s", model, *values)
-    said = "Held: velocity and rates stay. The forecast holds for this controller, and answers no what-if."
+    said = (
+        "Held: velocity and rates stay. Model: what -o saves, with its observer. The forecast holds for this "
+        "controller, and answers no what-if."
+    )
     return Group(table, Text(said))
 
 

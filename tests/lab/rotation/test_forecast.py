@@ -8,24 +8,37 @@ from quadctl.lab.rotation.forecast import Forecast, fit_forecast
 from quadctl.lab.rotation.innovations import Noise
 from quadctl.lab.rotation.rollout import (
     Commands,
+    Disturbance,
     Disturbances,
     Driven,
     Late,
     Physics,
     Track,
     commands_of,
+    disturbance,
     errors,
-    fit_disturbances,
     held,
-    observe,
+    observe_force,
     roll_out,
+    unexplained_rates,
 )
+from quadctl.observer import AXES, AxisNoise, Observer
 from tests.lab.rotation.closed_loop import VEHICLE
 
 STEP_S, HOVER = 0.01, 0.6
 TRUTH = Physics((420.0, 400.0, 30.0), (1.7, 1.5, 1.0), (-9.0, 8.0), 1.3, (0.4, 0.4, 0.1))
 PROMPT = Late(0.0, 0.001)
 STEADY = Noise(0.03, 20.0, 3.0, 0.02)
+OBSERVER = Observer(
+    step_s=STEP_S, **{axis: AxisNoise(quick=1.0, quick_s=0.03, slow=3.0, slow_s=20.0, sensor=0.02) for axis in AXES}
+)
+
+
+def observe(track: Track, driven: Driven, physics: Physics) -> tuple[Disturbance, Disturbance]:
+    """Moment and force, by the noise `STEADY`."""
+    left = unexplained_rates(track, driven, physics)
+    moment = disturbance(left, (STEADY,) * 3, physics.damping_1_s, track.step_s)
+    return moment, observe_force(track, driven, physics, Disturbances((STEADY,) * 3, (STEADY,) * 3))
 
 
 def rolling(seed: int, seconds: float = 24.0) -> Track:
@@ -61,22 +74,19 @@ def commands(track: Track) -> Commands:
 
 
 @pytest.fixture(scope="module")
-def fitted() -> tuple[Forecast, Disturbances]:
+def forecast() -> Forecast:
     tracks = [rolling(seed) for seed in (1, 2, 3)]
-    prompt: list[Driven] = [commands(t).driven((PROMPT,) * 3, PROMPT) for t in tracks]
-    noise = fit_disturbances(tracks, prompt, TRUTH)
-    return fit_forecast(tracks, [commands(t) for t in tracks], TRUTH, (PROMPT,) * 3, noise), noise
+    return fit_forecast(tracks, [commands(t) for t in tracks], TRUTH, (PROMPT,) * 3, OBSERVER)
 
 
 class TestForecast:
     def test_an_unseen_flight_is_forecast_better_than_held_and_than_by_all_that_is_known(
-        self, fitted: tuple[Forecast, Disturbances]
+        self, forecast: Forecast
     ) -> None:
-        forecast, noise = fitted
         track = rolling(7)
         rows = np.arange(200, len(track.rates) - 60, 7)
         driven = commands(track).driven((PROMPT,) * 3, PROMPT)
-        (known,) = roll_out(track, driven, TRUTH, observe(track, driven, TRUTH, noise), rows, [50])
+        (known,) = roll_out(track, driven, TRUTH, observe(track, driven, TRUTH), rows, [50])
         (trusted,) = forecast.roll_out(track, commands(track), rows, [50])
         of_held = errors(held(track, rows, 50), track, rows + 50).mean(axis=0)
         of_known, of_trusted = (errors(end, track, rows + 50).mean(axis=0) for end in (known, trusted))
@@ -86,8 +96,7 @@ class TestForecast:
         assert forecast.physics.slope[0] < TRUTH.slope[0]
         assert forecast.physics.damping_1_s[0] > TRUTH.damping_1_s[0]
 
-    def test_it_knows_nothing_of_the_state_after_its_start(self, fitted: tuple[Forecast, Disturbances]) -> None:
-        forecast, _ = fitted
+    def test_it_knows_nothing_of_the_state_after_its_start(self, forecast: Forecast) -> None:
         track, other = rolling(7), rolling(7)
         other.rates[901:] += 0.5
         other.velocity[901:] += 0.7

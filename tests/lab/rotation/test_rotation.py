@@ -10,10 +10,14 @@ import pytest
 from scipy.stats import binom
 
 from quadctl.effects.airspeed_moment import IsotropicMoment
+from quadctl.effects.body_drag import QuadraticDrag
 from quadctl.effects.centre_of_mass import FixedOffset
+from quadctl.effects.motor_lag import FirstOrderLag
 from quadctl.effects.rate_damping import ProportionalDamping
 from quadctl.effects.rotor_drag import LinearDrag
 from quadctl.effects.rotor_reaction import InertialReaction
+from quadctl.effects.thrust_map import LineMap
+from quadctl.effects.thrust_scale import ConstantScale
 from quadctl.errors import SettingsError
 from quadctl.frames import GRAVITY_M_S2
 from quadctl.lab import identify_rotation
@@ -24,24 +28,24 @@ from quadctl.lab.rotation.parameters import Rotation, differences, fit_rotation
 from quadctl.lab.rotation.records import Delayed, Record
 from quadctl.lab.rotation.regression import change, changed
 from quadctl.lab.rotation.rollout import (
-    Disturbances,
     Driven,
     Physics,
     State,
     Track,
     errors,
     held,
-    observe,
     roll_out,
     rotation_vector,
     turned_by,
 )
-from quadctl.model import Model
+from quadctl.model import Model, conditions, load_model
 from tests.lab.rotation.closed_loop import DELAY_STEPS, REACTION_M, STEP_S, VEHICLE, Truth, flights
+from tests.lab.rotation.test_forecast import observe
 from tests.support.commands import Result
 from tests.support.places import DATA, ROOT
 
 TRUTH = Truth()
+STILL = conditions(VEHICLE, 2.0, (0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0))
 
 
 class TestFilters:
@@ -170,15 +174,35 @@ class TestInClosedLoop:
         assert model.vehicle.principal_inertia_kg_m2[:2] == pytest.approx(TRUTH.inertia[:2], rel=0.2)
         assert model.vehicle.rotor.time_constant_s == pytest.approx(TRUTH.lag_s, rel=0.2)
         assert model.vehicle.rotor.delay_s == pytest.approx(STEP_S * DELAY_STEPS, rel=0.5)
-        drag, damping, moment, *others = model.effects
+        thrust, drag, damping, moment, *others = model.effects
         assert InertialReaction in map(type, others)
-        assert drag == LinearDrag(0.3, 0.3, 0.0)
+        assert isinstance(thrust, LineMap) and drag == LinearDrag(0.3, 0.3, 0.0)
         assert isinstance(damping, ProportionalDamping) and isinstance(moment, IsotropicMoment)
         assert damping.roll_1_s == pytest.approx(TRUTH.damping_1_s, rel=0.4)
         assert 2.2 < moment.k < 3.2
-        fitted = model.stack[2].fitted
+        fitted = model.stack[3].fitted
         assert fitted is not None and fitted.logs == found.names
         assert fitted.ci95["k"][0] < moment.k < fitted.ci95["k"][1]
+
+    def test_thrust_and_drag_are_added_where_the_model_has_none_and_a_lag_is_not_there_twice(
+        self, found: Rotation
+    ) -> None:
+        """The map of the truth around level hover, u + bend (u^2 - u) with the weight at 0.6 or so."""
+        model = with_rotation(Model(VEHICLE).plus(FirstOrderLag(0.03)), found)
+        thrust, *_, drag = model.effects
+        assert not model.late().effects
+        assert isinstance(thrust, LineMap) and isinstance(drag, LinearDrag)
+        share = VEHICLE.weight_n / (4.0 * TRUTH.full_n)
+        hover = (TRUTH.bend - 1.0 + np.sqrt((1.0 - TRUTH.bend) ** 2 + 4.0 * TRUTH.bend * share)) / (2.0 * TRUTH.bend)
+        line = VEHICLE.throttle
+        nominal_n = [(u - line.offset) / (4.0 * line.per_newton) for u in (hover, hover + 0.02)]
+        each_n = thrust.rotor_thrust(nominal_n, STILL, VEHICLE)
+        assert each_n[0] == pytest.approx(VEHICLE.weight_n / 4.0, rel=0.03)
+        slope = TRUTH.full_n * (1.0 - TRUTH.bend + 2.0 * TRUTH.bend * hover)
+        assert (each_n[1] - each_n[0]) / 0.02 == pytest.approx(slope, rel=0.15)
+        assert (drag.d_x, drag.d_y) == pytest.approx(TRUTH.drag_1_s, abs=0.1)
+        with_both = with_rotation(Model(VEHICLE).plus(ConstantScale(1.1)).plus(QuadraticDrag()), found)
+        assert not {LineMap, LinearDrag} & {type(effect) for effect in with_both.effects}
 
     def test_what_may_be_zero_is_no_effect_and_nothing_identified_is_no_model(self, found: Rotation) -> None:
         def replaced(**values: Value) -> Rotation:
@@ -190,7 +214,7 @@ class TestInClosedLoop:
             "airspeed": Value(0.1, -0.3, 0.5),
             "lead_s": Value(0.1, -0.1, 0.3),
         }
-        nothing = replace(replaced(**none), centre_m={"right": Value(1e-3, -1e-3, 3e-3)})
+        nothing = replace(replaced(**none), centre_m={"right": Value(1e-3, -1e-3, 3e-3)}, drag={}, level=None)
         assert with_rotation(Model(VEHICLE), nothing).effects == ()
         with pytest.raises(SettingsError, match="nothing of the rotation is identified"):
             with_rotation(Model(VEHICLE), replace(replaced(slope=Value(1.0, -1.0, 3.0)), centre_m={}))
@@ -247,14 +271,13 @@ def hovering(force: Floats, moment: Floats, seconds: float = 8.0) -> tuple[Track
 
 
 PHYSICS = Physics((100.0, 100.0, 20.0), (0.0, 0.0, 0.0), (0.0, 0.0), 1.3, (0.0, 0.0, 0.0))
-STEADY = Noise(0.03, 20.0, 3.0, 0.02)
 
 
 class TestRollouts:
     def test_the_observer_finds_a_steady_disturbance_and_the_rollout_goes_on_with_it(self) -> None:
         force, moment = np.array([0.3, -0.2, 0.5]), np.array([0.0, 0.0, 0.4])
         track, driven = hovering(force, moment)
-        seen = observe(track, driven, PHYSICS, Disturbances((STEADY,) * 3, (STEADY,) * 3))
+        seen = observe(track, driven, PHYSICS)
         assert (seen[0].slow + seen[0].quick)[400] == pytest.approx(moment, abs=0.02)
         assert (seen[1].slow + seen[1].quick)[400] == pytest.approx(force, abs=0.02)
         rows = np.arange(400, 600, 20)
@@ -265,8 +288,7 @@ class TestRollouts:
         track, driven = hovering(np.array([0.3, 0.0, 0.0]), np.zeros(3))
         other, _ = hovering(np.array([0.3, 0.0, 0.0]), np.zeros(3))
         other.velocity[500:] += 3.0
-        noise = Disturbances((STEADY,) * 3, (STEADY,) * 3)
-        one, two = (observe(t, driven, PHYSICS, noise)[1] for t in (track, other))
+        one, two = (observe(t, driven, PHYSICS)[1] for t in (track, other))
         np.testing.assert_array_equal(one.slow[:500], two.slow[:500])
         assert not np.allclose(one.slow[500:], two.slow[500:])
 
@@ -274,7 +296,7 @@ class TestRollouts:
         track, driven = hovering(np.zeros(3), np.zeros(3))
         driven.mean[:] = 0.1
         driven.differences[:, 0] = 0.01
-        still = observe(*hovering(np.zeros(3), np.zeros(3)), PHYSICS, Disturbances((STEADY,) * 3, (STEADY,) * 3))
+        still = observe(*hovering(np.zeros(3), np.zeros(3)), PHYSICS)
         (end,) = roll_out(track, driven, PHYSICS, still, np.array([300]), [20])
         assert end.rates[0] == pytest.approx([0.2, 0.0, 0.0], abs=1e-6)
         assert rotation_vector(track.attitude[:1], end.attitude)[0, 0] == pytest.approx(0.02, rel=1e-3)
@@ -303,11 +325,13 @@ def test_the_command_tells_the_drag_of_the_simulator_and_forecasts_what_no_fit_s
 ) -> None:
     """PX4's SIH has a drag of 1.0 1/s; the runs were along x alone. Each half of the flight is rolled out by a fit of
     the other."""
-    out = tmp_path / "rotation.json"
-    shown = quadctl(
-        "rotation", str(SIH / "sih_quadx.yaml"), str(SIH / "B_forward.ulg"), "--rollouts", "--json", str(out)
-    )
+    out, saved = tmp_path / "rotation.json", tmp_path / "turning.yaml"
+    given = (str(SIH / "sih_quadx.yaml"), str(SIH / "B_forward.ulg"))
+    shown = quadctl("rotation", *given, "--rollouts", "--json", str(out), "-o", str(saved))
     assert shown.status == 0, shown.err
+    assert load_model(saved).observer is not None
+    assert quadctl("export", saved, "--to", "numpy", "-o", tmp_path / "body.py").status == 0
+    assert "def roll_out(x, u, p):" in (tmp_path / "body.py").read_text()
     found = json.loads(out.read_text())
     models = found.pop("rollouts")
     low, high = found["drag"]["d_x"]["ci95"]
