@@ -6,7 +6,8 @@ from pathlib import Path
 from quadctl.lab.rotation.model import with_rotation
 from quadctl.lab.rotation.parameters import Rotation, fit_rotation
 from quadctl.lab.rotation.records import records_of
-from quadctl.lab.rotation.unseen import Unseen, forecast_unseen
+from quadctl.lab.rotation.rollout_errors import Unseen
+from quadctl.lab.rotation.unseen import forecast_unseen
 from quadctl.logs.flight_log import FlightLog
 from quadctl.logs.read import read_imu_log
 from quadctl.logs.record.copies import without_copies

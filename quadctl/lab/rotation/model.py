@@ -10,8 +10,8 @@ from quadctl.effects.centre_of_mass import FixedOffset
 from quadctl.effects.rate_damping import ProportionalDamping
 from quadctl.effects.rotor_reaction import InertialReaction
 from quadctl.errors import SettingsError
-from quadctl.lab.rotation.innovations import Value
 from quadctl.lab.rotation.parameters import AXES, Rotation, together
+from quadctl.lab.rotation.value import Value
 from quadctl.model import Model, Provenance
 from quadctl.vehicle import Vehicle
 

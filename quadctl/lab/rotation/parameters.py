@@ -24,7 +24,6 @@ from quadctl.lab.rotation.innovations import (
     Estimated,
     Regression,
     SteadyFilter,
-    Value,
     earlier,
     first_order,
     held_response,
@@ -32,6 +31,7 @@ from quadctl.lab.rotation.innovations import (
 )
 from quadctl.lab.rotation.records import Delayed, Record
 from quadctl.lab.rotation.thrust import ThrustMap, fit_thrust_map, hover_command, level_hover
+from quadctl.lab.rotation.value import Value
 from quadctl.vehicle import Vehicle
 
 AXES = ("roll", "pitch", "yaw")

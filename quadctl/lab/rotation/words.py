@@ -5,10 +5,9 @@ from rich.console import Group, RenderableType
 from rich.table import Table
 from rich.text import Text
 
-from quadctl.lab.rotation.innovations import Value
 from quadctl.lab.rotation.parameters import MOST_UNKNOWN, Rotation
-from quadctl.lab.rotation.rollout import HORIZONS_S
-from quadctl.lab.rotation.unseen import Unseen
+from quadctl.lab.rotation.rollout_errors import FORECAST_ERRORS, FORECAST_HOLDS, FORECAST_OF, Unseen
+from quadctl.lab.rotation.value import Value
 
 ROWS = (
     ("gain", "moment gain", "rad/s² per weight of thrust difference"),
@@ -40,19 +39,16 @@ def answer(found: Rotation) -> RenderableType:
 
 def forecasts(unseen: Unseen) -> RenderableType:
     """Table of the errors of forecasts with 95 % intervals, beside those of a state that is held."""
-    table = Table(title="Errors of forecasts that no fit saw: mean [95 % interval]", title_justify="left")
-    for heading in ("after", "model", "position, m", "velocity, m/s", "rotation, rad", "rates, rad/s"):
+    table = Table(title=f"Whole state from commands: {FORECAST_ERRORS}", title_justify="left")
+    for heading in ("after", "model", *FORECAST_OF):
         table.add_column(heading, overflow="fold")
-    for h, horizon_s in enumerate(HORIZONS_S):
-        for model in unseen.errors:
-            values = [_shown(unseen.mean(model, h, quantity)) for quantity in range(4)]
-            table.add_row(f"{horizon_s:g} s", model, *values)
-    said = "Held: velocity and rates stay. The forecast holds for this controller, and answers no what-if."
-    return Group(table, Text(said))
+    for row in unseen.rows():
+        table.add_row(*row)
+    return Group(table, Text(FORECAST_HOLDS))
 
 
 def _shown(value: Value | None) -> str:
-    return "-" if value is None else f"{value.value:.3g} [{value.low:.3g}, {value.high:.3g}]"
+    return "-" if value is None else str(value)
 
 
 def _thrust(found: Rotation) -> list[str]:
