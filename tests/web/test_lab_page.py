@@ -369,6 +369,7 @@ def test_forecasts_of_the_whole_state_are_computed_on_request_and_kept(
         visitor.click(".banner.work button:has-text('Cancel')")
         visitor.sees("text=Forecasting the whole state was cancelled; nothing is lost.")
         visitor.click(ask)
+        visitor.page.locator(held).wait_for(timeout=5.0 * PATIENCE_MS)
         stayed, forecast = (
             [float(value.split()[0]) for value in visitor.sees(row).split("\t")[2:]]
             for row in (held, held.replace("held", "forecast"))
@@ -381,7 +382,8 @@ def test_forecasts_of_the_whole_state_are_computed_on_request_and_kept(
         assert visitor.barriers() == []
         visitor.leaves()
     with served(tmp_path / "lab", "--session", str(kept), port=port):
-        visitor = Visitor(browser, f"{url}/?show=fails", PHONE, "dark")
+        visitor = Visitor(browser, url, PHONE, "dark")
+        visitor.page.goto(f"{url}/?show=fails")
         visitor.sees(held)
         visitor.page.locator("#rollouts").scroll_into_view_if_needed()
         visitor.keeps("rollouts")

@@ -8,6 +8,7 @@ from quadctl.effects import Effect
 from quadctl.effects.airspeed_moment import IsotropicMoment
 from quadctl.effects.centre_of_mass import FixedOffset
 from quadctl.effects.rate_damping import ProportionalDamping
+from quadctl.effects.rotor_fault import UnequalRotors
 from quadctl.effects.rotor_reaction import InertialReaction
 from quadctl.errors import SettingsError
 from quadctl.lab.rotation.parameters import AXES, Rotation, together
@@ -20,16 +21,17 @@ def with_rotation(model: Model, found: Rotation) -> Model:
     """The model with all that the flights identify of its rotation; the rest stays.
 
     Inertia and, where commands were logged, lag and delay of the rotors are numbers of the vehicle, which the new file
-    holds itself; `rate_damping`, `airspeed_moment`, `rotor_reaction` and `centre_of_mass` are effects, and take the
-    place of those in the model, as far as their intervals leave out 0. The moment by airspeed has one coefficient for
-    roll and pitch, weighted by their intervals.
+    holds itself; `rate_damping`, `airspeed_moment`, `rotor_reaction` and `centre_of_mass` or `rotor_fault.unequal` are
+    effects, and take the place of those in the model, as far as their intervals leave out 0 or a share of 1. The moment
+    by airspeed has one coefficient for roll and pitch, weighted by their intervals. Of the last two, which turn the
+    vehicle alike about roll and pitch, it is the rotors where there is a moment about yaw, too.
 
     Raises
     ------
     SettingsError
         Nothing is identified, or no body has such an inertia.
     """
-    fitted = (_damping(found), _airspeed(found, model.vehicle), _reaction(found), _centre(found))
+    fitted = (_damping(found), _airspeed(found, model.vehicle), _reaction(found), _balance(found))
     effects = [effect for effect in fitted if effect is not None]
     vehicle = _vehicle(model.vehicle, found)
     if not effects and vehicle == model.vehicle:
@@ -37,6 +39,7 @@ def with_rotation(model: Model, found: Rotation) -> Model:
             f"{', '.join(found.names)}: nothing of the rotation is identified, so there is no new model"
         )
     families = {effect.family() for effect, _ in effects}
+    families |= UNBALANCED if families & UNBALANCED else set()
     kept = replace(model, stack=tuple(item for item in model.stack if item.effect.family() not in families))
     told = None if found.measured else found.delay
     delay_s = None if told is None else (told.value, told.low, told.high)
@@ -99,7 +102,15 @@ def _reaction(found: Rotation) -> Fitted | None:
     return InertialReaction(lead.value), {"lead_s": (lead.low, lead.high)}
 
 
-def _centre(found: Rotation) -> Fitted | None:
+UNBALANCED = {FixedOffset.family(), UnequalRotors.family()}
+"""Families of which the mean commands hold the sum."""
+
+
+def _balance(found: Rotation) -> Fitted | None:
+    if found.shares is not None and found.shares.turns:
+        shares = found.shares.told
+        effect = UnequalRotors.of({number: share.value for number, share in shares.items()})
+        return effect, {f"share_{number}": (share.low, share.high) for number, share in shares.items()}
     told = {f"{name}_mm": value for name, value in found.centre_m.items() if not value.low <= 0.0 <= value.high}
     if not told:
         return None

@@ -57,18 +57,7 @@ def _thrust(found: Rotation) -> list[str]:
     lines.append(f"Mean {kind} in flight: {found.hover_drive:.3g}.")
     if found.level is not None:
         lines.append(f"Mean {kind} in level hover: {_shown(found.level)}.")
-    half = found.share_half
-    if half is not None and np.all(np.isfinite(half)):
-        own = ", ".join(f"{100 * (s - 1):+.1f} ± {100 * h:.1f} %" for s, h in zip(found.share, half, strict=True))
-        lines.append(
-            f"The rotors' own, beyond the mean: {own}; by unequal rotors, or by a centre of mass off the middle."
-        )
-    if found.centre_m:
-        off = ", ".join(
-            f"{name} {1e3 * v.value:.3g} [{1e3 * v.low:.3g}, {1e3 * v.high:.3g}] mm"
-            for name, v in found.centre_m.items()
-        )
-        lines.append(f"As a centre of mass, with rotors that are alike and no wind: {off}.")
+    lines += _unbalanced(found)
     if found.lag is not None:
         behind = "" if found.delay is None else f", behind a delay of the command of {_shown(found.delay)} s"
         lines.append(f"Rotor lag by roll and pitch: {_shown(found.lag)} s{behind}.")
@@ -79,6 +68,32 @@ def _thrust(found: Rotation) -> list[str]:
     if drags:
         said = ", ".join(f"{name} = {_shown(value)} 1/s" for name, value in drags.items())
         lines.append(f"Drag by the accelerometer: {said}.")
+    return lines
+
+
+def _unbalanced(found: Rotation) -> list[str]:
+    """Sentences on the rotors' mean commands, and on the causes that they may have."""
+    lines = []
+    half = found.share_half
+    if half is not None and np.all(np.isfinite(half)):
+        own = ", ".join(f"{100 * (s - 1):+.1f} ± {100 * h:.1f} %" for s, h in zip(found.share, half, strict=True))
+        lines.append(
+            f"The rotors' commands beyond the mean: {own}; by unequal rotors, a centre of mass off the middle, or wind."
+        )
+    if found.centre_m:
+        off = ", ".join(
+            f"{name} {1e3 * v.value:.3g} [{1e3 * v.low:.3g}, {1e3 * v.high:.3g}] mm"
+            for name, v in found.centre_m.items()
+        )
+        lines.append(f"As a centre of mass, with rotors that are alike and no wind: {off}.")
+    if found.shares is not None:
+        shares = ", ".join(map(str, found.shares.rotors.values()))
+        which = "the unequal rotors" if found.shares.turns else "the centre of mass"
+        lines += [
+            f"As unequal rotors, with a centre of mass in the middle and no wind: shares of thrust {shares}.",
+            "These two look alike about roll and pitch. About yaw, where a centre of mass turns nothing, is "
+            f"{found.shares.yaw} of the moment of half of the rotors: a model gets {which}.",
+        ]
     return lines
 
 
