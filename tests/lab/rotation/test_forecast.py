@@ -1,9 +1,14 @@
 """Forecasts of simulated flights whose controller answers gusts that a forecast cannot know."""
 
+from types import SimpleNamespace
+from typing import Any, cast
+
 import numpy as np
 import pytest
 
 from quadctl.frames import GRAVITY_M_S2, quaternion_from_euler
+from quadctl.lab.arrays import Floats
+from quadctl.lab.rotation import unseen
 from quadctl.lab.rotation.forecast import Forecast, fit_forecast
 from quadctl.lab.rotation.innovations import Noise
 from quadctl.lab.rotation.rollout import (
@@ -20,6 +25,7 @@ from quadctl.lab.rotation.rollout import (
     observe,
     roll_out,
 )
+from quadctl.vehicle import Vehicle
 from tests.lab.rotation.closed_loop import VEHICLE
 
 STEP_S, HOVER = 0.01, 0.6
@@ -96,3 +102,32 @@ class TestForecast:
         np.testing.assert_allclose(one.rates[0], two.rates[0])
         np.testing.assert_allclose(one.velocity[0], two.velocity[0])
         assert not np.allclose(one.rates[1], two.rates[1])
+
+
+@pytest.mark.parametrize(
+    ("held_out", "folds"), [(["c"], [("ab", "c")]), ([], [("b", "a"), ("a", "b")])], ids=["held out", "by turns"]
+)
+def test_flights_that_are_held_out_are_used_by_no_fit(
+    held_out: list[str], folds: list[tuple[str, str]], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Each flight stands for its name here, and its errors for those of its fit."""
+    fits: list[str] = []
+    tested: list[str] = []
+    said: list[str] = []
+
+    def know(flights: list[SimpleNamespace], _: Vehicle) -> str:
+        fits.append("".join(flight.track for flight in flights))
+        return fits[-1]
+
+    def in_blocks(track: str, known: str) -> dict[str, list[Floats]]:
+        assert track not in known
+        tested.append(track)
+        return {"held": [np.full((4, 4), 2.0)] * 3, "forecast": [np.full((4, 4), 1.0)] * 3}
+
+    monkeypatch.setattr(unseen, "flown_of", lambda log, vehicle: SimpleNamespace(track=log))
+    monkeypatch.setattr(unseen, "know", know)
+    monkeypatch.setattr(unseen, "_in_blocks", in_blocks)
+    logs: Any = ["a", "b"]
+    found = unseen.forecast_unseen(logs, VEHICLE, cast(Any, held_out), said.append)
+    assert list(zip(fits, tested, strict=True)) == folds and len(said) == len(folds)
+    assert (found.mean("held", 0, 0).value, found.mean("forecast", 3, 3).value) == (2.0, 1.0)
