@@ -87,10 +87,13 @@ def _unbalanced(found: Rotation) -> list[str]:
         )
         lines.append(f"As a centre of mass, with rotors that are alike and no wind: {off}.")
     if found.shares is not None:
-        shares = ", ".join(map(str, found.shares.rotors.values()))
-        which = "the unequal rotors" if found.shares.turns else "the centre of mass"
+        shares = ", ".join(
+            f"{100 * (s.value - 1):+.1f} [{100 * (s.low - 1):+.1f}, {100 * (s.high - 1):+.1f}] %"
+            for s in found.shares.rotors.values()
+        )
+        which = "the unequal rotors" if found.shares.turns else "the centre of mass, if any"
         lines += [
-            f"As unequal rotors, with a centre of mass in the middle and no wind: shares of thrust {shares}.",
+            f"As unequal rotors, with a centre of mass in the middle and no wind: thrusts {shares} beyond the mean.",
             "These two look alike about roll and pitch. About yaw, where a centre of mass turns nothing, is "
             f"{found.shares.yaw} of the moment of half of the rotors: a model gets {which}.",
         ]
