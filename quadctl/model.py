@@ -120,8 +120,9 @@ class Model:
 
     def rotor_thrust(self, nominal_n: Sequence[Number], c: Conditions) -> Sequence[Number]:
         """Thrust of each rotor, N, all effects included, from the nominal k rpm^2 of each; `c` as `in_air` gives it."""
-        *_, thrust = nominal_n, *self.thrust_by_effect(nominal_n, c)
-        return thrust
+        for effect in self.effects_on_thrust:
+            nominal_n = effect.rotor_thrust(nominal_n, c, self.vehicle)
+        return nominal_n
 
     def side_force(self, total_thrust_n: Number, c: Conditions, shares: Sequence[float] | None = None) -> Vector:
         """Force of the effects that is not the rotors' thrust, FRD, N; `c` as `in_air` gives it.

@@ -201,7 +201,9 @@ class Vehicle(Settings):
         fy: Number = 0.0
         fz: Number = 0.0
         for (ax, ay, az), rotors in self.rotors_by_axis:
-            t = sum(thrust_n[i] for i in rotors)
+            t: Number = 0.0
+            for i in rotors:
+                t = t + thrust_n[i]
             fz = fz + az * t
             if ax or ay:  # only of tilted rotors: where all are upright, the force along x and y is no array
                 fx, fy = fx + ax * t, fy + ay * t

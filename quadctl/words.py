@@ -91,7 +91,7 @@ class Fact(NamedTuple):
 
     def to_dict(self) -> dict[str, Any]:
         """Form in JSON."""
-        return {"kind": self.kind.name.lower(), "figures": _plain(self.facts)}
+        return {"kind": self.kind.name.lower(), "figures": plain(self.facts)}
 
 
 def fact(kind: Kinds, /, **facts: Any) -> Fact:
@@ -99,14 +99,14 @@ def fact(kind: Kinds, /, **facts: Any) -> Fact:
     return Fact(kind, facts)
 
 
-def _plain(value: Any) -> Any:
+def plain(value: Any) -> Any:
     """Value as JSON can hold it: null for a number that is not finite, words for what is none of its types."""
     if isinstance(value, Fact):
         return value.to_dict()
     if isinstance(value, Mapping):
-        return {str(name): _plain(part) for name, part in value.items()}
+        return {str(name): plain(part) for name, part in value.items()}
     if isinstance(value, list | tuple):
-        return [_plain(part) for part in value]
+        return [plain(part) for part in value]
     if isinstance(value, float):
         return value if math.isfinite(value) else None
     return value if value is None or isinstance(value, bool | int | str) else str(value)

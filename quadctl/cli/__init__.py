@@ -1,55 +1,25 @@
 """The commands: parse, call, print; the work is done elsewhere."""
 
+import functools
 import os
 import sys
+from collections.abc import Callable
+from importlib import import_module
+from pkgutil import iter_modules
 from typing import Annotated, NoReturn
 
 import typer
 from rich.console import Console
 
 from quadctl import __version__
-from quadctl.cli import (
-    check,
-    export,
-    fleet,
-    flight,
-    ground_curve,
-    init,
-    lab,
-    logs,
-    mission,
-    mocap,
-    ports,
-    rotation,
-    thrust_stand,
-    tune,
-    vehicle,
-    web,
-)
 from quadctl.cli.app import app, console
 from quadctl.cli.encoding import print_what_the_encoding_has
 from quadctl.errors import QuadctlError
 
-__all__ = [
-    "app",
-    "check",
-    "export",
-    "fleet",
-    "flight",
-    "ground_curve",
-    "init",
-    "lab",
-    "logs",
-    "main",
-    "mission",
-    "mocap",
-    "ports",
-    "rotation",
-    "thrust_stand",
-    "tune",
-    "vehicle",
-    "web",
-]
+__all__ = ["app", "main"]
+
+for _module in iter_modules(__path__):  # each registers its commands with the application
+    import_module(f"{__name__}.{_module.name}")
 
 INTERRUPTED = 130
 """Exit status with which typer ends on Ctrl-C."""
@@ -79,7 +49,7 @@ def main() -> NoReturn:
     """Entry point: errors that the user can mend are one sentence and exit status 1."""
     print_what_the_encoding_has()
     try:
-        app()
+        _command()()
     except QuadctlError as error:
         _fail(str(error), 1)
     except ModuleNotFoundError as error:
@@ -103,6 +73,12 @@ def main() -> NoReturn:
             _fail("interrupted", 1)
         raise
     sys.exit(0)
+
+
+@functools.cache
+def _command() -> Callable[[], None]:
+    """All commands as they are parsed: a process that runs many builds them once."""
+    return typer.main.get_command(app)
 
 
 def _fail(sentence: str, status: int) -> NoReturn:

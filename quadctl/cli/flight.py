@@ -51,11 +51,11 @@ HiddenOption = Annotated[
     typer.Option(
         "--hidden",
         metavar="FILE",
-        help="Effects of the simulated world that the controller does not know: a file of hidden effects, or a model.",
+        help="In simulation: effects that the controller does not know, by a file of hidden effects or a model.",
         callback=find,
     ),
 ]
-SeedOption = Annotated[int, typer.Option("--seed", metavar="N", min=0, help="Seed of the simulated noise.")]
+SeedOption = Annotated[int, typer.Option("--seed", metavar="N", min=0, help="In simulation: seed of the noise.")]
 OffsetOption = Annotated[
     float | None, typer.Option("--offset-up", metavar="M", help="Raise the whole mission by M metres.")
 ]

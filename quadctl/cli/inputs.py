@@ -1,6 +1,9 @@
 """Files that commands read: those where the user is, else those installed with quadctl; and one line on which."""
 
+from collections.abc import Sequence
 from pathlib import Path
+
+import typer
 
 from quadctl.cli.output import say
 from quadctl.cli.overwriting import check_read
@@ -20,6 +23,30 @@ def find(path: Path | None) -> Path | None:
 def find_all(paths: list[Path]) -> list[Path]:
     """Callback of an argument that names several files, as `find`."""
     return [found for path in paths if (found := find(path)) is not None]
+
+
+def find_first(paths: list[Path]) -> list[Path]:
+    """Callback of an argument that names a model or vehicle file and then logs, as `find`."""
+    return [find(paths[0]) or paths[0], *paths[1:]]
+
+
+def model_and_logs(files: Sequence[Path]) -> tuple[Path, list[Path]]:
+    """The model file and the logs after it.
+
+    Raises
+    ------
+    BadParameter
+        There is no log.
+    """
+    model, *logs = files
+    if not logs:
+        raise no_log()
+    return model, logs
+
+
+def no_log() -> typer.BadParameter:
+    """The refusal of a command without a flight log."""
+    return typer.BadParameter("no flight log is given", param_hint="'LOG...'")
 
 
 def find_mission(path: Path) -> Path:

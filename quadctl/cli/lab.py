@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from quadctl.cli.app import app, console
-from quadctl.cli.inputs import find
+from quadctl.cli.inputs import find, find_first, model_and_logs
 from quadctl.cli.output import JsonOption, print_saved, say, tell, write_json
 from quadctl.cli.overwriting import Reads, Writes, WritesInto
 from quadctl.cli.sensors import (
@@ -44,8 +44,15 @@ ModelArgument = Annotated[
 LogArguments = Annotated[
     list[Path], Reads(), typer.Argument(metavar="LOG...", help=f"Flight logs: {', '.join(suffixes())}.")
 ]
-MaybeLogs = Annotated[
-    list[Path] | None, Reads(), typer.Argument(metavar="LOG...", help=f"Flight logs: {', '.join(suffixes())}.")
+ModelAndLogs = Annotated[
+    list[Path],
+    Reads(),
+    typer.Argument(
+        metavar="MODEL.yaml LOG...",
+        help="Model file, or a vehicle file, which is a model without effects; then flight logs: "
+        f"{', '.join(suffixes())}. With --sensors logs alone.",
+        callback=find_first,
+    ),
 ]
 NewModelOption = Annotated[
     Path, Writes(), typer.Option("-o", "--output", metavar="NEW.yaml", help="The new model file.")
@@ -93,8 +100,7 @@ JobsOption = Annotated[
 
 @app.command()
 def compare(
-    model: ModelArgument,
-    logs: MaybeLogs = None,
+    files: ModelAndLogs,
     json_out: JsonOption = None,
     html: HtmlOption = None,
     sensors: SensorsOption = False,
@@ -105,11 +111,11 @@ def compare(
 
     The error of a regression on all logged variables is printed as a reference.
     """
-    logs = logs_among(model, logs, sensors)
     if sensors:
         refuse_beside_sensors(html=html, rollouts=rollouts)
-        compare_sensors(logs, json_out, plot)
+        compare_sensors(logs_among(files), json_out, plot)
         return
+    model, logs = model_and_logs(files)
     study = _study(model, logs)
     result = study.compare()
     if rollouts:
@@ -127,8 +133,7 @@ def compare(
 
 @app.command()
 def diagnose(
-    model: ModelArgument,
-    logs: MaybeLogs = None,
+    files: ModelAndLogs,
     json_out: JsonOption = None,
     html: HtmlOption = None,
     hold_out: HoldOutOption = "blocks",
@@ -155,11 +160,11 @@ def diagnose(
     everything: AllOption = False,
 ) -> None:
     """Find which physical effects are missing from a model."""
-    logs = logs_among(model, logs, sensors)
     if sensors:
         refuse_beside_sensors(all=everything, html=html, nested=nested, save_expression=expression)
-        diagnose_sensors(logs, json_out, plot, output)
+        diagnose_sensors(logs_among(files), json_out, plot, output)
         return
+    model, logs = model_and_logs(files)
     from joblib import parallel_config
 
     from quadctl.lab.symbolic.effect_file import as_effect_file

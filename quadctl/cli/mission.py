@@ -56,11 +56,11 @@ def list_missions(
     from quadctl.missions import load_mission, mission_files
     from quadctl.missions.profile import flown_heights_m, sampled
 
-    listed = [load_mission(path) for path in mission_files(folder)]
-    width = max(len(name) for name in ("mission", *(mission.name for mission in listed)))
+    read = (load_mission(path) for path in mission_files(folder))
+    listed = [(mission, *flown_heights_m(sampled(mission))) for mission in read]
+    width = max(len(name) for name in ("mission", *(mission.name for mission, *_ in listed)))
     _print_heading(width, "mission", "s", "heights m", "--set")
-    for mission in listed:
-        lowest, highest = flown_heights_m(sampled(mission))
+    for mission, lowest, highest in listed:
         heights = f"{lowest:.2f}..{highest:.2f}"
         _print_heading(width, mission.name, f"{mission.duration_s:.0f}", heights, ", ".join(mission.parameters))
         if mission.description:

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from quadctl.cli.app import console
+from quadctl.cli.inputs import no_log
 from quadctl.cli.output import print_saved, say, write_json
 from quadctl.cli.overwriting import Writes
 from quadctl.errors import LogError, QuadctlError
@@ -22,7 +23,7 @@ SensorsOption = Annotated[
     bool,
     typer.Option(
         "--sensors",
-        help="Diagnose barometer and range finder instead of the model: then give logs alone, without MODEL.yaml.",
+        help="Diagnose barometer and range finder instead of the model.",
     ),
 ]
 PlotOption = Annotated[
@@ -30,18 +31,18 @@ PlotOption = Annotated[
 ]
 
 
-def logs_among(first: Path, others: Sequence[Path] | None, sensors: bool) -> list[Path]:
-    """The logs of a command whose first argument is a model, which `--sensors` does not need.
+def logs_among(files: Sequence[Path]) -> list[Path]:
+    """The logs of a command whose first argument may be a model, which `--sensors` does not need.
 
     Raises
     ------
     BadParameter
         There is none.
     """
-    is_log = first.suffix in suffixes() or first.is_dir()
-    logs = [*([first] if sensors and is_log else []), *(others or [])]
+    first, *others = files
+    logs = [*([first] if first.suffix in suffixes() or first.is_dir() else []), *others]
     if not logs:
-        raise typer.BadParameter("no flight log is given", param_hint="'LOG...'")
+        raise no_log()
     return logs
 
 

@@ -16,7 +16,7 @@ from quadctl.ground_curve.curves import SIGNIFICANCE, Fit, fit_all, p_same
 from quadctl.ground_curve.measurement import Measurement
 from quadctl.model import Model, Provenance
 from quadctl.vehicle import Vehicle
-from quadctl.words import Fact, Kinds, Words, fact, nearest
+from quadctl.words import Fact, Kinds, Words, fact, nearest, plain
 
 POLE = "it is not finite at a height measured"
 AT_BOUND = "(at its bound)"
@@ -152,7 +152,7 @@ class GroundCurve:
     def to_dict(self) -> dict[str, Any]:
         """For JSON."""
         radius_m = self.vehicle.rotor.radius_m
-        return {
+        told = {
             "table": self.source,
             "readings": len(self.measurement.points),
             "heights": len(self.measurement.height_groups(radius_m)),
@@ -160,19 +160,21 @@ class GroundCurve:
             "formulas": [self._fit_dict(fit, p) for fit, p in zip(self.fits, self.p_values, strict=True)],
             "not_told_apart": [fit.formula.name for fit in (self.best, *self.equals)] if self.equals else [],
         }
+        found: dict[str, Any] = plain(told)
+        return found
 
     def _fit_dict(self, fit: Fit, p: float) -> dict[str, Any]:
         ci95 = fit.ci95
         return {
             "formula": fit.formula.name,
-            "rmse_held_out": _known(fit.held_out),
-            "rmse_fit": _known(fit.rmse),
+            "rmse_held_out": fit.held_out,
+            "rmse_fit": fit.rmse,
             "p_same_as_best": p,
             "parameters": {
                 name: {"value": float(value), "ci95": ci95.get(name)}
                 for name, value in zip(fit.formula.names, fit.values, strict=True)
             },
-            "thrust_far_n": None if self.measurement.is_ratio else [_known(float(far)) for far in fit.far],
+            "thrust_far_n": None if self.measurement.is_ratio else fit.far.tolist(),
         }
 
     def findings(self) -> list[Fact]:
@@ -214,8 +216,3 @@ def _grounded(fit: Fit) -> str:
     effect = fit.formula.effect
     assert effect is not None
     return POLE if math.isinf(fit.rmse) else effect.not_for_flight
-
-
-def _known(value: float) -> float | None:
-    """None for what is not finite: JSON has no infinity."""
-    return value if math.isfinite(value) else None

@@ -31,6 +31,8 @@ class Kind(StrEnum):
     """`effect`, `parameters` (each with `value` and `ci95`)."""
     ERROR = "error"
     """`before`, `after`, m/s^2, `drop`; held out."""
+    ERROR_LEFT = "error left"
+    """`rmse`, m/s^2; held out, where nothing was added."""
     PART_UNEXPLAINED = "part unexplained"
     CONFOUNDED = "confounded"
     """`family`, `others`: families that these data do not distinguish from it."""
@@ -63,6 +65,7 @@ class Kind(StrEnum):
     UNTRIED_FOLLOWS = "untried, follows disturbances"
     """`effect`, `variable`, `needed`, `unit`."""
     # Reasons for which the decision rule has not called a candidate missing.
+    NOT_FITTED = "not fitted"
     NO_DROP = "no drop"
     NOT_SIGNIFICANT = "not significant"
     """`p`, `limit`."""

@@ -31,6 +31,8 @@ TEMPLATES: Mapping[Kind, Template] = {
     **{kind: (template, IF_IT_FLEW, ".") for kind, template in _VERDICTS.items()},
     Kind.EFFECT: "{effect}: {parameters:parameters}",
     Kind.ERROR: "Held-out acceleration error, per-flight bias fitted: {before:number} → {after:m/s²} ({drop:change}).",
+    Kind.ERROR_LEFT: "Held-out acceleration error, per-flight bias fitted: {rmse:m/s²}; `quadctl compare` gives the "
+    "reference error.",
     Kind.PART_UNEXPLAINED: "Part of the remaining error depends on the logged variables; no known effect explains it.",
     Kind.CONFOUNDED: "{family:Family} or {others:others}: these data do not distinguish them.",
     Kind.FLIGHTS_DIFFER: "The flights differ in {parameter} of {effect} (p {p:p}): {flights:parameters}.",
@@ -63,6 +65,7 @@ TEMPLATES: Mapping[Kind, Template] = {
     Kind.UNTRIED: "{effect} (it needs {variable:span} over a range of {needed:g} {unit}; in these data {span:.2g})",
     Kind.UNTRIED_FOLLOWS: "{effect} (it needs manoeuvres that change {variable:span} by {needed:g} {unit}; in these "
     "data the controller's answers to disturbances change it most)",
+    Kind.NOT_FITTED: "it was not fitted, as to first order it explains no more than noise",
     Kind.NO_DROP: "it does not reduce the held-out error",
     Kind.NOT_SIGNIFICANT: "its gain is not significant: p {p:p}, expected below {limit:g}",
     Kind.ZERO: "these data do not show that {parameters:any} differs from 0",

@@ -10,10 +10,9 @@ from numpy.typing import NDArray
 
 from quadctl.frames import GRAVITY_M_S2
 from quadctl.logs.contradictions import contradictions
-from quadctl.logs.findings import Finding, Kind, finding
+from quadctl.logs.findings import Finding, Kind, finding, worded
 from quadctl.logs.flight_log import ATTITUDE, IMU, POSITION, VELOCITY, FlightLog, Floats
 from quadctl.logs.kinematics import LEAST_CARRIED, MOTION, PUSH, TURN, force_in_world, integral
-from quadctl.logs.words import worded
 
 MAX_GRAVITY_ANGLE_DEG = 25.0
 """Largest angle between the mean specific force of a flight and the vertical."""

@@ -1,103 +1,27 @@
 """Findings about the record of a flight: facts with their figures and times, for the code that acts on them.
 
-A finding is a value. Its sentence is made once, at the edge, by `quadctl.logs.words`.
+A finding is a value. Its sentence is made once, at the edge, by `worded`.
 """
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
-from enum import StrEnum
-from typing import Any, TypeAlias
+from typing import Any
 
-Span: TypeAlias = tuple[float, float]
-"""Begin and end of a stretch of time, s on the log's clock; the same twice for an instant."""
+from quadctl.logs.words import Kind, Span
+from quadctl.words import Facts
 
+__all__ = ["Finding", "Kind", "Span", "finding", "of_kind", "worded"]
 
-class Kind(StrEnum):
-    """Kinds of findings, as they stand in JSON. `quadctl.logs.words` has the sentence of each."""
-
-    # --- the file ---
-    CUT_SHORT = "cut_short"
-    LAST_LINE_CUT = "last_line_cut"
-    DAMAGED = "damaged"
-    DAMAGED_BYTES = "damaged_bytes"
-    DAMAGED_LINES = "damaged_lines"
-    LOST_BY_LOGGER = "lost_by_logger"
-    SIDECAR_UNREADABLE = "sidecar_unreadable"
-    NO_PARAMETERS = "no_parameters"
-    COPY = "copy"
-    # --- what was read, and how ---
-    READ_BY_MAP = "read_by_map"
-    SEVENTEEN_COLUMNS = "seventeen_columns"
-    UNKNOWN_COLUMN = "unknown_column"
-    ABSENT_COLUMNS = "absent_columns"
-    TOPIC_LEFT_OUT = "topic_left_out"
-    OTHER_SYSTEMS = "other_systems"
-    REBOOTED = "rebooted"
-    LEADING_ROWS = "leading_rows"
-    TIME_STANDS_STILL = "time_stands_still"
-    MESSAGES_OUT_OF_TIME = "messages_out_of_time"
-    INFINITE_VALUES = "infinite_values"
-    IMPOSSIBLE_VALUES = "impossible_values"
-    # --- channels ---
-    NO_VALUES = "no_values"
-    NEVER_CHANGES = "never_changes"
-    SPEEDS_ZERO = "speeds_zero"
-    THRUST_FROM = "thrust_from"
-    NO_MOTOR_SIGNAL = "no_motor_signal"
-    NOT_PULSES = "not_pulses"
-    OUTPUT_CHAIN = "output_chain"
-    BATTERY_SCALE = "battery_scale"
-    ANGLE_BOOST = "angle_boost"
-    PARAMETER_CHANGED = "parameter_changed"
-    ABSENT_MOTORS = "absent_motors"
-    OWN_CORRECTION = "own_correction"
-    # --- the estimator ---
-    STATE_INVALID = "state_invalid"
-    RESET = "reset"
-    HEADING_OFF = "heading_off"
-    HEADING_DRIFTS = "heading_drifts"
-    NO_HEADING = "no_heading"
-    ATTITUDE_READ = "attitude_read"
-    LANE_SWITCH = "lane_switch"
-    REJECTED = "rejected"
-    GPS_LOST = "gps_lost"
-    # --- time in flight ---
-    ON_GROUND = "on_ground"
-    GROUND_MOVED = "ground_moved"
-    BELOW_REST = "below_rest"
-    ENDS_IN_AIR = "ends_in_air"
-    OUT_OF_CONTROL = "out_of_control"
-    DEAD_CHANNEL = "dead_channel"
-    FROZEN_ROTOR = "frozen_rotor"
-    SPIKE = "spike"
-    SPIKES = "spikes"
-    IN_FLIGHT = "in_flight"
-    GAPS = "gaps"
-    CLOCK_JUMP = "clock_jump"
-    INTERPOLATED = "interpolated"
-    EXTRAPOLATED = "extrapolated"
-    DELAY = "delay"
-    LEVER_ARM = "lever_arm"
-    LEVEL_STEP = "level_step"
-    WITNESSES_DISAGREE = "witnesses_disagree"
-    HEIGHT_ERROR = "height_error"
-    # --- channels against each other ---
-    ANOTHER_FACTOR = "another_factor"
-    SWAPPED = "swapped"
-    LEANS = "leans"
-    NOT_GRAVITY = "not_gravity"
-    GRAVITY_TURNED = "gravity_turned"
-    STANDS_STILL = "stands_still"
-    ROTOR_UNKNOWN = "rotor_unknown"
-    # --- what an analysis lacks ---
-    LACKS = "lacks"
-    TOO_SLOW = "too_slow"
-    BELOW_GROUND = "below_ground"
-    TOO_SHORT = "too_short"
-    # --- the vehicle ---
-    WEIGHT_DOUBT = "weight_doubt"
-    VELOCITY_SCALE = "velocity_scale"
-    FORCE_BY_ACCELEROMETER = "force_by_accelerometer"
+WANDERING_S = 0.01
+"""Change of a delay within a flight from which on it is told."""
+_DERIVED: Mapping[Kind, Callable[[Facts], Facts]] = {
+    Kind.RESET: lambda f: {"size": max((abs(by) for by in f.get("by", []) if by), default=0.0)},
+    Kind.DELAY: lambda f: {"wanders": 1000.0 * f["most_s"] - 1000.0 * f["least_s"] > 1000.0 * WANDERING_S},
+    Kind.WITNESSES_DISAGREE: lambda f: {
+        "by": ", ".join(f"{axis} by {m_s2:.2g}" for axis, m_s2 in zip(f["axes"], f["difference_m_s2"], strict=True))
+    },
+}
+"""Further facts that the templates of a kind need."""
 
 
 @dataclass(frozen=True)
@@ -113,7 +37,7 @@ class Finding:
     def to_dict(self) -> dict[str, Any]:
         """Form in JSON."""
         return {
-            "kind": str(self.kind),
+            "kind": self.kind.name.lower(),
             **({"times_s": [list(span) for span in self.times_s]} if self.times_s else {}),
         } | {"figures": dict(self.figures)}
 
@@ -134,3 +58,9 @@ def finding(kind: Kind, times_s: Iterable[Span] = (), **figures: Any) -> Finding
 def of_kind(findings: Iterable[Finding], *kinds: Kind) -> list[Finding]:
     """Findings of some kinds, in their order."""
     return [found for found in findings if found.kind in kinds]
+
+
+def worded(found: Finding) -> str:
+    """Sentence of a finding, without the log's name, a capital and a full stop."""
+    derived = _DERIVED[found.kind](found.figures) if found.kind in _DERIVED else {}
+    return found.kind.said({**found.figures, "spans": found.times_s, **derived})

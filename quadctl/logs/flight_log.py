@@ -10,8 +10,7 @@ from numpy.typing import NDArray
 
 from quadctl.errors import LogError
 from quadctl.logs.columns import rpm_columns
-from quadctl.logs.findings import Finding, Kind
-from quadctl.logs.words import worded
+from quadctl.logs.findings import Finding, Kind, worded
 from quadctl.words import nearest
 
 Floats: TypeAlias = NDArray[np.float64]

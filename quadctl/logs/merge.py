@@ -171,6 +171,11 @@ def finite(values: Any) -> Floats:
 
 def intervals(time_s: Floats, on: NDArray[np.bool_]) -> list[tuple[float, float]]:
     """[(from, to), ...] in which a flag that is reported at `time_s` was set."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], on.astype(np.int8), [0]])))
     last = len(time_s) - 1
-    return [(float(time_s[a]), float(time_s[min(b, last)])) for a, b in zip(edges[::2], edges[1::2], strict=True)]
+    return [(float(time_s[begin]), float(time_s[min(end, last)])) for begin, end in runs(on)]
+
+
+def runs(on: NDArray[np.bool_]) -> list[tuple[int, int]]:
+    """[(begin, end), ...] of the rows in which a flag is set, each end the row after."""
+    edges = np.flatnonzero(np.diff(on.astype(np.int8), prepend=0, append=0)).tolist()
+    return list(zip(edges[::2], edges[1::2], strict=True))

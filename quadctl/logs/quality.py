@@ -14,13 +14,12 @@ from rich.table import Table
 from rich.text import Text
 
 from quadctl.logs.channel_groups import channel_groups, updates_of_any
-from quadctl.logs.findings import Finding, Kind, Span, finding
+from quadctl.logs.findings import Finding, Kind, Span, finding, worded
 from quadctl.logs.flight_log import POSITION, VELOCITY, FlightLog
 from quadctl.logs.kinematics import integral
 from quadctl.logs.own_correction import correction_findings
 from quadctl.logs.record.record import Record, examine, mean_rate_hz
-from quadctl.logs.words import worded
-from quadctl.words import By, Template, When, Words
+from quadctl.words import By, Template, When, Words, plain
 
 GAP_FACTOR = 5.0
 """An interval between updates longer than this many median ones is a gap."""
@@ -154,7 +153,7 @@ class QualityReport:
             "notes": self.notes,
             "can_be_analysed": self.can_be_analysed,
         }
-        found: dict[str, Any] = _finite_or_none(told)
+        found: dict[str, Any] = plain(told)
         return found
 
     def __rich__(self) -> RenderableType:
@@ -317,11 +316,3 @@ def _of_channels(channels: Sequence[ChannelQuality], thrust_source: str | None) 
     if thrust_source not in (None, "rpm"):
         findings.append(finding(Kind.THRUST_FROM, source=thrust_source))
     return findings
-
-
-def _finite_or_none(value: Any) -> Any:
-    if isinstance(value, dict):
-        return {key: _finite_or_none(item) for key, item in value.items()}
-    if isinstance(value, (list, tuple)):
-        return [_finite_or_none(item) for item in value]
-    return None if isinstance(value, float) and not np.isfinite(value) else value

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Sequence
+from functools import lru_cache
 from itertools import pairwise
 from typing import NamedTuple
 
@@ -51,17 +52,18 @@ def sampled(mission: Mission) -> list[list[Sample]]:
     found: list[list[Sample]] = []
     before = Reference(mission.phases[0].start_m)
     for phase in mission.phases:
-        times = _times(phase)
-        references = [phase.reference_after(t) for t in times]
-        jumps = [_jump(a, b, dt) for (a, b), dt in zip(pairwise([before, *references]), _steps(times), strict=True)]
-        found.append([Sample(phase.start_s + t, r, j) for t, r, j in zip(times, references, jumps, strict=True)])
-        before = references[-1]
+        times, along = _times(phase), references(phase)
+        jumps = [_jump(a, b, dt) for (a, b), dt in zip(pairwise([before, *along]), _steps(times), strict=True)]
+        found.append([Sample(phase.start_s + t, r, j) for t, r, j in zip(times, along, jumps, strict=True)])
+        before = along[-1]
     return found
 
 
-def references(phase: Phase) -> list[Reference]:
-    """The reference of a phase at the instants of `sampled`."""
-    return [phase.reference_after(t) for t in _times(phase)]
+@lru_cache(maxsize=512)
+def references(phase: Phase) -> tuple[Reference, ...]:
+    """The reference of a phase at the instants of `sampled`: that of a mission is asked for when it is read, when it is
+    checked, and when it is drawn."""
+    return tuple(phase.reference_after(t) for t in _times(phase))
 
 
 def profiles(mission: Mission, samples: Sequence[Sequence[Sample]]) -> list[PhaseProfile]:

@@ -16,7 +16,7 @@ from quadctl.thrust_stand.curves import (
 )
 from quadctl.thrust_stand.measurement import Point, check_points
 from quadctl.vehicle import Vehicle
-from quadctl.words import Fact, Kinds, When, Words, fact
+from quadctl.words import Fact, Kinds, When, Words, fact, plain
 
 SAG = 0.03
 """Share of the voltage; thrust at a throttle goes about with its square."""
@@ -100,11 +100,11 @@ class StandResult:
     def to_dict(self) -> dict[str, Any]:
         """For JSON."""
         thrust, line = self.thrust, self.throttle
-        return {
-            "points": [_known(point._asdict()) for point in self.points],
+        told = {
+            "points": [point._asdict() for point in self.points],
             "thrust_n_per_rpm2": None if thrust is None else _numbers(thrust.k),
             "one_k_is_enough": None if thrust is None or not thrust.alternatives else thrust.better is None,
-            "alternatives": [] if thrust is None else [_known(asdict(a)) for a in thrust.alternatives],
+            "alternatives": [] if thrust is None else [asdict(a) for a in thrust.alternatives],
             "throttle": {
                 "per_newton": _numbers(line.per_newton),
                 "offset": _numbers(line.offset),
@@ -112,6 +112,8 @@ class StandResult:
             },
             "vehicle": {".".join(keys): value for keys, value in self.vehicle_values().items()},
         }
+        found: dict[str, Any] = plain(told)
+        return found
 
     def findings(self) -> list[Fact]:
         """Findings in the order in which they are told."""
@@ -157,11 +159,6 @@ def evaluate(points: Sequence[Point], vehicle: Vehicle, source: str) -> StandRes
     """
     check_points(points, vehicle, source)
     return StandResult(points, vehicle, fit_thrust_curve(points, vehicle), fit_throttle_line(points, vehicle))
-
-
-def _known(fields: dict[str, Any]) -> dict[str, Any]:
-    """With null for what is not a finite number: JSON has no nan."""
-    return {k: None if isinstance(v, float) and not math.isfinite(v) else v for k, v in fields.items()}
 
 
 def _numbers(estimate: Estimate) -> dict[str, Any]:

@@ -1,6 +1,7 @@
 """MAVLink messages that PX4 sends or takes and pymavlink's bundled dialects do not know yet."""
 
 import struct
+from collections.abc import Mapping
 from typing import Any, ClassVar
 
 from pymavlink.dialects.v20 import ardupilotmega
@@ -11,6 +12,10 @@ EVENT_ID = 410
 SET_ATTITUDE_TARGET_ID = 82
 THRUST_BODY_SET = 32
 """Bit of its `type_mask`: `thrust_body` takes the place of `thrust`."""
+
+
+_LETTERS = {"uint8_t": "B", "uint16_t": "H", "uint32_t": "I", "uint64_t": "Q", "int32_t": "i", "float": "f"}
+"""Letters of `struct` by the types of MAVLink."""
 
 
 class _Message(ardupilotmega.MAVLink_message):  # type: ignore[misc]  # pymavlink has no type information
@@ -43,101 +48,74 @@ class _Message(ardupilotmega.MAVLink_message):  # type: ignore[misc]  # pymavlin
         return packed
 
 
-class EscStatus(_Message):
-    """ESC_STATUS: speed, voltage and current of up to four motors; `index` is the first motor's number from 0."""
+def _message(
+    number: int, name: str, crc_extra: int, fields: Mapping[str, str], extension: str = "", **more: Any
+) -> type[_Message]:
+    """Class of a message, by its definition.
 
-    id = ESC_STATUS_ID
-    msgname = "ESC_STATUS"
-    name = "ESC_STATUS"
-    fieldnames: ClassVar[list[str]] = ["index", "time_usec", "rpm", "voltage", "current"]
-    ordered_fieldnames: ClassVar[list[str]] = ["time_usec", "rpm", "voltage", "current", "index"]
-    fieldtypes: ClassVar[list[str]] = ["uint8_t", "uint64_t", "int32_t", "float", "float"]
-    fieldunits_by_name: ClassVar[dict[str, str]] = {"time_usec": "us", "rpm": "rpm", "voltage": "V", "current": "A"}
-    native_format = bytearray(b"<QiffB")
-    orders: ClassVar[list[int]] = [4, 0, 1, 2, 3]
-    lengths: ClassVar[list[int]] = [1, 4, 4, 4, 1]
-    array_lengths: ClassVar[list[int]] = [0, 4, 4, 4, 0]
-    crc_extra = 10
-    unpacker = struct.Struct("<Q4i4f4fB")
-    instance_field = "index"
-    instance_offset = 56
-
-
-class CurrentMode(_Message):
-    """CURRENT_MODE: the mode by its standard number (0: none) and as in the heartbeat, and the one that was wanted."""
-
-    id = CURRENT_MODE_ID
-    msgname = "CURRENT_MODE"
-    name = "CURRENT_MODE"
-    fieldnames: ClassVar[list[str]] = ["standard_mode", "custom_mode", "intended_custom_mode"]
-    ordered_fieldnames: ClassVar[list[str]] = ["custom_mode", "intended_custom_mode", "standard_mode"]
-    fieldtypes: ClassVar[list[str]] = ["uint8_t", "uint32_t", "uint32_t"]
-    fieldunits_by_name: ClassVar[dict[str, str]] = {}
-    native_format = bytearray(b"<IIB")
-    orders: ClassVar[list[int]] = [2, 0, 1]
-    lengths: ClassVar[list[int]] = [1, 1, 1]
-    array_lengths: ClassVar[list[int]] = [0, 0, 0]
-    crc_extra = 193
-    unpacker = struct.Struct("<IIB")
-
-
-class Event(_Message):
-    """EVENT: the number of an event, its log levels, and its arguments as bytes."""
-
-    id = EVENT_ID
-    msgname = "EVENT"
-    name = "EVENT"
-    fieldnames: ClassVar[list[str]] = [
-        *("destination_component", "destination_system", "id", "event_time_boot_ms", "sequence", "log_levels"),
-        "arguments",
-    ]
-    ordered_fieldnames: ClassVar[list[str]] = [
-        *("id", "event_time_boot_ms", "sequence", "destination_component", "destination_system", "log_levels"),
-        "arguments",
-    ]
-    fieldtypes: ClassVar[list[str]] = ["uint8_t", "uint8_t", "uint32_t", "uint32_t", "uint16_t", "uint8_t", "uint8_t"]
-    fieldunits_by_name: ClassVar[dict[str, str]] = {}
-    native_format = bytearray(b"<IIHBBBB")
-    orders: ClassVar[list[int]] = [3, 4, 0, 1, 2, 5, 6]
-    lengths: ClassVar[list[int]] = [1, 1, 1, 1, 1, 1, 40]
-    array_lengths: ClassVar[list[int]] = [0, 0, 0, 0, 0, 0, 40]
-    crc_extra = 160
-    unpacker = struct.Struct("<IIHBBB40B")
-
-
-class SetAttitudeTarget(_Message):
-    """SET_ATTITUDE_TARGET with its extension: thrust in three dimensions of the body, FRD, -1..1."""
-
-    id = SET_ATTITUDE_TARGET_ID
-    msgname = "SET_ATTITUDE_TARGET"
-    name = "SET_ATTITUDE_TARGET"
-    fieldnames: ClassVar[list[str]] = [
-        *("time_boot_ms", "target_system", "target_component", "type_mask", "q"),
-        *("body_roll_rate", "body_pitch_rate", "body_yaw_rate", "thrust", "thrust_body"),
-    ]
-    ordered_fieldnames: ClassVar[list[str]] = [
-        *("time_boot_ms", "q", "body_roll_rate", "body_pitch_rate", "body_yaw_rate", "thrust"),
-        *("target_system", "target_component", "type_mask", "thrust_body"),
-    ]
-    fieldtypes: ClassVar[list[str]] = ["uint32_t", *["uint8_t"] * 3, *["float"] * 6]
-    fieldunits_by_name: ClassVar[dict[str, str]] = {
-        "time_boot_ms": "ms",
-        "body_roll_rate": "rad/s",
-        "body_pitch_rate": "rad/s",
-        "body_yaw_rate": "rad/s",
+    `fields` are its types by name, `int32_t[4]` for an array, in the order of the definition. On the wire larger types
+    come first, and an `extension` last.
+    """
+    parts = {field: of.rstrip("]").partition("[") for field, of in fields.items()}
+    letters = {field: _LETTERS[of] for field, (of, _, _) in parts.items()}
+    arrays = {field: int(length or 0) for field, (_, _, length) in parts.items()}
+    wire = sorted(fields, key=lambda field: (field == extension, -struct.calcsize(f"<{letters[field]}")))
+    about = {
+        "id": number,
+        "msgname": name,
+        "name": name,
+        "fieldnames": list(fields),
+        "ordered_fieldnames": wire,
+        "fieldtypes": [of for of, _, _ in parts.values()],
+        "fieldunits_by_name": {},
+        "native_format": bytearray(f"<{''.join(letters[field] for field in wire)}".encode()),
+        "orders": [wire.index(field) for field in fields],
+        "lengths": [arrays[field] or 1 for field in wire],
+        "array_lengths": [arrays[field] for field in wire],
+        "crc_extra": crc_extra,
+        "unpacker": struct.Struct("<" + "".join(f"{arrays[field] or 1}{letters[field]}" for field in wire)),
     }
-    native_format = bytearray(b"<IfffffBBBf")
-    orders: ClassVar[list[int]] = [0, 6, 7, 8, 1, 2, 3, 4, 5, 9]
-    lengths: ClassVar[list[int]] = [1, 4, 1, 1, 1, 1, 1, 1, 1, 3]
-    array_lengths: ClassVar[list[int]] = [0, 4, 0, 0, 0, 0, 0, 0, 0, 3]
-    crc_extra = 49
-    unpacker = struct.Struct("<I4f4f3B3f")
+    return type(name, (_Message,), about | more)
+
+
+EscStatus = _message(
+    *(ESC_STATUS_ID, "ESC_STATUS", 10),
+    {"index": "uint8_t", "time_usec": "uint64_t", "rpm": "int32_t[4]", "voltage": "float[4]", "current": "float[4]"},
+    instance_field="index",
+    instance_offset=56,
+)
+"""Speed, voltage and current of up to four motors; `index` is the first motor's number from 0."""
+CurrentMode = _message(
+    *(CURRENT_MODE_ID, "CURRENT_MODE", 193),
+    {"standard_mode": "uint8_t", "custom_mode": "uint32_t", "intended_custom_mode": "uint32_t"},
+)
+"""The mode by its standard number (0: none) and as in the heartbeat, and the one that was wanted."""
+Event = _message(
+    *(EVENT_ID, "EVENT", 160),
+    {
+        **{"destination_component": "uint8_t", "destination_system": "uint8_t", "id": "uint32_t"},
+        **{"event_time_boot_ms": "uint32_t", "sequence": "uint16_t", "log_levels": "uint8_t"},
+        "arguments": "uint8_t[40]",
+    },
+)
+"""The number of an event, its log levels, and its arguments as bytes."""
+SetAttitudeTarget = _message(
+    *(SET_ATTITUDE_TARGET_ID, "SET_ATTITUDE_TARGET", 49),
+    {
+        "time_boot_ms": "uint32_t",
+        **dict.fromkeys(("target_system", "target_component", "type_mask"), "uint8_t"),
+        "q": "float[4]",
+        **dict.fromkeys(("body_roll_rate", "body_pitch_rate", "body_yaw_rate", "thrust"), "float"),
+        "thrust_body": "float[3]",
+    },
+    extension="thrust_body",
+)
+"""With its extension: thrust in three dimensions of the body, FRD, -1..1."""
 
 
 def register(dialect: Any = ardupilotmega) -> None:
     """Let a pymavlink dialect module parse the messages of this file; may be called again."""
-    dialect.mavlink_map.setdefault(ESC_STATUS_ID, EscStatus)
-    dialect.mavlink_map.setdefault(CURRENT_MODE_ID, CurrentMode)
-    dialect.mavlink_map.setdefault(EVENT_ID, Event)
+    for kind in (EscStatus, CurrentMode, Event):
+        dialect.mavlink_map.setdefault(kind.id, kind)
     if "thrust_body" not in dialect.mavlink_map[SET_ATTITUDE_TARGET_ID].fieldnames:
         dialect.mavlink_map[SET_ATTITUDE_TARGET_ID] = SetAttitudeTarget

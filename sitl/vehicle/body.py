@@ -46,20 +46,15 @@ class Battery:
 
     def __init__(self) -> None:
         self.drawn_c = 0.0
-        self.current_a = 0.0
-
-    @property
-    def resting_v(self) -> float:
+        self.resting_v = self.FULL_V
         """Voltage without a load."""
-        return self.FULL_V - (self.FULL_V - self.EMPTY_V) * min(self.drawn_c / self.CHARGE_C, 1.0)
-
-    @property
-    def voltage_v(self) -> float:
-        return self.resting_v - self.RESISTANCE_OHM * self.current_a
+        self.voltage_v = self.FULL_V
 
     def draw(self, power_w: float, dt: float) -> None:
-        self.current_a = power_w * self.AMPERE_PER_WATT
-        self.drawn_c += self.current_a * dt
+        current_a = power_w * self.AMPERE_PER_WATT
+        self.drawn_c += current_a * dt
+        self.resting_v = self.FULL_V - (self.FULL_V - self.EMPTY_V) * min(self.drawn_c / self.CHARGE_C, 1.0)
+        self.voltage_v = self.resting_v - self.RESISTANCE_OHM * current_a
 
 
 class SimulatedBody:
@@ -82,7 +77,7 @@ class SimulatedBody:
         torque = vehicle.rotor.thrust_n_per_rpm2 * vehicle.rotor.torque_to_thrust_m
         self._watts_per_rpm3 = torque * (math.pi / 30.0) * 1.6  # electrical over mechanical
         self._stopped: tuple[float | None, ...] = (None,) * vehicle.n_rotors
-        self._commands: deque[tuple[float | None, ...]] = deque(
+        self._commands: deque[Sequence[float | None]] = deque(
             [self._stopped] * round(vehicle.rotor.delay_s / STEP_S), maxlen=1 + round(vehicle.rotor.delay_s / STEP_S)
         )
         self._before_n: list[float] | None = None
@@ -97,7 +92,7 @@ class SimulatedBody:
 
     def step(self, outputs: list[float], armed: bool) -> None:
         """Advance by STEP_S; `outputs` are the motor outputs, 0..1."""
-        self._commands.append(tuple(outputs) if armed else self._stopped)
+        self._commands.append(outputs if armed else self._stopped)
         self._before_n = self._nominal_n() if self.truth.needs_thrust_rate else None
         self._turn_rotors(self._commands[0])
         force_body, torque = self._force_and_torque()

@@ -120,10 +120,10 @@ class InnerLoops:
         ty = iy * (p_pitch * pitch + kept_pitch + ay)
         tz = iz * (p_yaw * yaw + kept_yaw + az)
         forward, right = lateral or (0.0, 0.0)
-        return [
-            min(max(throttle + per_newton * (a * tx + b * ty + c * tz) + forward * x + right * y, 0.0), 1.0)
-            for a, b, c, x, y in self._rows
+        outputs = [
+            throttle + per_newton * (a * tx + b * ty + c * tz) + forward * x + right * y for a, b, c, x, y in self._rows
         ]
+        return [0.0 if output < 0.0 else 1.0 if output > 1.0 else output for output in outputs]
 
     def _limited_rates(self, ahead: Vec3, off: Vec3) -> Vec3:
         """Rates `ahead` and those that take away the turn `off`, limited."""

@@ -18,7 +18,7 @@ from tempfile import TemporaryDirectory
 import numpy as np
 from rich.console import Console
 
-from quadctl.effects.base import Conditions
+from quadctl.effects import Conditions, Effect
 from quadctl.effects.ground_effect import Exponential
 from quadctl.effects.inflow import AxialInflow
 from quadctl.effects.rotor_drag import LinearDrag
@@ -44,10 +44,10 @@ Row = tuple[str, str, str]
 
 
 def rows(sizes: Sequence[int] = SIZES) -> Iterator[Row]:
+    """Growth for many logs, searched for a few effects."""
     first = None
     for size in sizes:
-        run = [sys.executable, __file__, "--only", str(size)]
-        measured = json.loads(subprocess.run(run, check=True, capture_output=True, text=True).stdout)
+        measured = _in_a_process("--only", str(size))
         prepared_s, diagnosed_s = measured["prepared_s"], measured["diagnosed_s"]
         per_row = (prepared_s + diagnosed_s) / size
         first = first or per_row
@@ -58,60 +58,53 @@ def rows(sizes: Sequence[int] = SIZES) -> Iterator[Row]:
         )
 
 
-def measure(size: int) -> dict[str, float]:
-    """Time and memory of this process for so many rows; making up the flights does not count."""
-    vehicle = load_vehicle(RAPTOR)
-    made_s = 0.0
-
-    def logs() -> Iterator[FlightLog]:
-        nonlocal made_s
-        for seed in range(max(1, size // ROWS_PER_FLIGHT)):
-            begin = time.process_time()
-            log = made_up(vehicle, seed)
-            made_s += time.process_time() - begin
-            yield log
-
-    begin = time.process_time()
-    data = load_dataset(logs(), vehicle)
-    prepared = time.process_time()
-    missing = diagnose(Model(vehicle), data, CANDIDATES).missing
-    diagnosed = time.process_time()
-    assert missing == ["ground_effect"], missing
-    return {"prepared_s": prepared - begin - made_s, "diagnosed_s": diagnosed - prepared, "peak_mb": peak_mb()}
-
-
 def rows_of_one_log(sizes: Sequence[int] = ONE_LOG) -> Iterator[Row]:
     """Growth for a single log in a file, read, prepared and searched for every effect of the catalogue."""
     first = None
     for size in sizes:
         with TemporaryDirectory() as folder:
-            write_csv(made_up(load_vehicle(RAPTOR), 0, size), Path(folder) / "made.csv")
-            run = [sys.executable, __file__, "--file", str(Path(folder) / "made.csv")]
-            measured = json.loads(subprocess.run(run, check=True, capture_output=True, text=True).stdout)
-        total_s = measured["read_s"] + measured["prepared_s"] + measured["diagnosed_s"]
+            path = Path(folder) / "made.csv"
+            write_csv(made_up(load_vehicle(RAPTOR), 0, size), path)
+            measured = _in_a_process("--file", str(path))
+        total_s = measured["given_s"] + measured["prepared_s"] + measured["diagnosed_s"]
         first = first or total_s
         yield (
             f"one log of {size} rows read, prepared and diagnosed, every effect",
-            f"{measured['read_s']:.1f} + {measured['prepared_s']:.1f} + {measured['diagnosed_s']:.1f} s, "
+            f"{measured['given_s']:.1f} + {measured['prepared_s']:.1f} + {measured['diagnosed_s']:.1f} s, "
             f"largest memory {measured['peak_mb']:.0f} MB",
             f"{total_s / first:.2f} x the time of {sizes[0]} rows",
         )
 
 
-def measure_file(path: Path) -> dict[str, float]:
-    """Time and memory of this process for one log in a file."""
+def _in_a_process(*arguments: str) -> dict[str, float]:
+    """What this module measures in a process of its own."""
+    run = subprocess.run([sys.executable, __file__, *arguments], check=True, capture_output=True, text=True)
+    measured: dict[str, float] = json.loads(run.stdout)
+    return measured
+
+
+def measure(logs: Iterator[FlightLog], candidates: Sequence[type[Effect]] | None = None) -> dict[str, float]:
+    """Time and memory of this process for the logs; `given_s` is the time to read them, or to make them up."""
     vehicle = load_vehicle(RAPTOR)
-    times = [time.process_time()]
-    data = [read_log(path)]
-    times.append(time.process_time())
-    dataset = load_dataset(data, vehicle)
-    data.clear()
-    times.append(time.process_time())
-    missing = diagnose(Model(vehicle), dataset).missing
-    times.append(time.process_time())
+    given_s = 0.0
+
+    def timed() -> Iterator[FlightLog]:
+        nonlocal given_s
+        begin = time.process_time()
+        for log in logs:
+            given_s += time.process_time() - begin
+            yield log
+            begin = time.process_time()
+
+    begin = time.process_time()
+    data = load_dataset(timed(), vehicle)
+    prepared = time.process_time()
+    missing = diagnose(Model(vehicle), data, candidates).missing
+    diagnosed = time.process_time()
     assert missing == ["ground_effect"], missing
-    read_s, prepared_s, diagnosed_s = np.diff(times)
-    return {"read_s": read_s, "prepared_s": prepared_s, "diagnosed_s": diagnosed_s, "peak_mb": peak_mb()}
+    peak_mb = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024.0
+    times = {"given_s": given_s, "prepared_s": prepared - begin - given_s, "diagnosed_s": diagnosed - prepared}
+    return times | {"peak_mb": peak_mb}
 
 
 def made_up(vehicle: Vehicle, seed: int, count: int = ROWS_PER_FLIGHT) -> FlightLog:
@@ -132,11 +125,6 @@ def made_up(vehicle: Vehicle, seed: int, count: int = ROWS_PER_FLIGHT) -> Flight
     return FlightLog(name=f"made_{seed}.csv", path=None, columns=columns)
 
 
-def peak_mb() -> float:
-    """Largest memory of this process since its start, MB."""
-    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024.0
-
-
 def main() -> None:
     parser = argparse.ArgumentParser(description="How time and memory of the lab grow with the rows of the logs.")
     parser.add_argument("--rows", type=int, action="append", help="may be repeated; the first is compared with")
@@ -144,10 +132,11 @@ def main() -> None:
     parser.add_argument("--file", type=Path, help=argparse.SUPPRESS)
     given = parser.parse_args()
     if given.file:
-        print(json.dumps(measure_file(given.file)))
+        print(json.dumps(measure(map(read_log, [given.file]))))
         return
     if given.only:
-        print(json.dumps(measure(given.only)))
+        vehicle, seeds = load_vehicle(RAPTOR), range(max(1, given.only // ROWS_PER_FLIGHT))
+        print(json.dumps(measure((made_up(vehicle, seed) for seed in seeds), CANDIDATES)))
         return
     for line in (*rows(given.rows or SIZES), *rows_of_one_log(given.rows or ONE_LOG)):
         Console(width=150).print(*line, sep=" | ", markup=False, highlight=False)

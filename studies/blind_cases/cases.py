@@ -6,31 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
-from .truths_air import (
-    AxialBlades,
-    Breeze,
-    CeilingSuction,
-    CrossflowDrag,
-    FreshAir,
-    GroundCushion,
-    GroundImages,
-    HubForce,
-    LevellingGround,
-    SkewedWakes,
-)
-from .truths_rotation import OffCentre, OtherInertia, StiffHubs
-from .truths_unknown import Magnet, Resonance, Updraft
-from .truths_vehicle import (
-    BentArms,
-    Cable,
-    Cargo,
-    ChippedBlade,
-    OtherMass,
-    ReynoldsThrust,
-    ShiftedAccelerometer,
-    SluggishMotors,
-    TiredBattery,
-)
+from . import truths_air, truths_rotation, truths_unknown, truths_vehicle
 from .world import Truth
 
 HERE = Path(__file__).parent
@@ -46,35 +22,12 @@ FIRST_SEED: dict[SeedSet, int] = {"tuning": 1_000_000, "final": 4_000_000}
 Kind = Literal["single", "pair", "none", "unexplained", "nameless"]
 
 TRUTHS: dict[str, type[Truth]] = {
-    kind.__name__: kind
-    for kind in (
-        GroundCushion,
-        GroundImages,
-        CeilingSuction,
-        HubForce,
-        CrossflowDrag,
-        AxialBlades,
-        FreshAir,
-        Breeze,
-        SkewedWakes,
-        LevellingGround,
-        OtherMass,
-        Cargo,
-        TiredBattery,
-        SluggishMotors,
-        BentArms,
-        Cable,
-        ChippedBlade,
-        ShiftedAccelerometer,
-        ReynoldsThrust,
-        Updraft,
-        Resonance,
-        Magnet,
-        StiffHubs,
-        OtherInertia,
-        OffCentre,
-    )
+    name: kind
+    for module in (truths_air, truths_vehicle, truths_unknown, truths_rotation)
+    for name, kind in vars(module).items()
+    if isinstance(kind, type) and issubclass(kind, Truth) and kind is not Truth
 }
+"""Every truth of those modules, by its name."""
 
 MISSIONS: dict[str, tuple[str, ...]] = {
     "GroundCushion": ("heights", "climbs", "heights"),

@@ -17,9 +17,8 @@ from concurrent.futures import ProcessPoolExecutor, as_completed
 from pathlib import Path
 
 from rich.console import Console
-from rich.table import Table
 
-from studies.page import share, write_page
+from studies.page import share, table, write_page
 
 from .cases import HERE, STRENGTHS, Case, all_cases
 from .fly import generator_digest
@@ -49,10 +48,8 @@ def main() -> None:
     console = Console(width=150)
     results = run(cases, folder, options.jobs, console)
     rows = scores(results)
-    table = Table(*HEADINGS, title=f"Hidden effects, seeds of the set '{options.set}'")
-    for row in rows:
-        table.add_row(*row)
-    console.print(table)
+    title = f"Hidden effects, seeds of the set '{options.set}'"
+    console.print(title, table(HEADINGS, rows, range(5)), sep="\n", markup=False, highlight=False, soft_wrap=True)
     wrong = [line for result in results for line in _wrong(result)]
     console.print(f"{len(wrong)} of {len(results)} cases are wrong:", *wrong, sep="\n", markup=False, soft_wrap=True)
     (folder / f"{options.set}.json").write_text(json.dumps([_as_json(result) for result in results], indent=1))
@@ -145,8 +142,7 @@ def _as_json(result: Result) -> dict[str, object]:
 
 def page(rows: Sequence[tuple[str, ...]], results: Sequence[Result]) -> str:
     """Markdown of the study, without its notes."""
-    table = ["| " + " | ".join(row) + " |" for row in (HEADINGS, ["---"] * len(HEADINGS), *rows)]
-    return "\n".join([HEAD, *table, "", wrong_families(results)])
+    return "\n".join([HEAD, table(HEADINGS, rows, range(5)), "", wrong_families(results)])
 
 
 def wrong_families(results: Sequence[Result]) -> str:

@@ -12,7 +12,7 @@ from . import ground, never_worse
 from .comparison import BEATEN, DEFECTS, HALF, ROBUST_MOCKS, Results, compared
 from .figure import figure
 from .flights import BEFORE, COURSES, FOUND, LAWS, MOCKS, OWN, STEP, UNKNOWN, Mock, planned, unknown_model
-from .margins import Axes, margins, of_autopilot, of_quadctl
+from .margins import Transfer, margins, of_autopilot, of_quadctl
 
 PAGE = DOCS / "tracking.md"
 FIGURE = "tracking.png"
@@ -122,9 +122,9 @@ def robustness(results: Results) -> str:
     return f"RMSE of quadctl and the autopilot's own: {errors}.\n\n{goals(judged_)}"
 
 
-def open_loops() -> Mapping[tuple[str, str], Axes]:
+def open_loops() -> Mapping[tuple[str, str], Transfer]:
     """Linear models of the loops by mock and law, with the attitude's lag of the mock."""
-    loops: dict[tuple[str, str], Axes] = {}
+    loops: dict[tuple[str, str], Transfer] = {}
     for where in ROBUST_MOCKS:
         autopilot = mock(where.name)
         for law in (BEFORE, FOUND):
@@ -134,11 +134,11 @@ def open_loops() -> Mapping[tuple[str, str], Axes]:
     return loops
 
 
-def margins_said(loops: Mapping[tuple[str, str], Axes]) -> str:
+def margins_said(loops: Mapping[tuple[str, str], Transfer]) -> str:
     """Peak of the sensitivity, gain, phase and delay margin of the horizontal loops."""
     words = []
-    for (title, law), axes in loops.items():
-        m = margins(axes.horizontal)
+    for (title, law), loop in loops.items():
+        m = margins(loop)
         figures = f"{m.sensitivity_peak:.2f}, {m.gain:.1f}, {m.phase_deg:.0f} deg, {1e3 * m.delay_s:.0f} ms"
         words.append(f"{title}, {TITLES[law]} {figures}")
     return f"Peak of the sensitivity, gain, phase and delay margin: {'; '.join(words)}."

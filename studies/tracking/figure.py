@@ -8,21 +8,21 @@ from quadctl.lab.plots.style import BLUE, GREY, VERMILION, WIDE_PX, styled
 
 from .comparison import ROBUST_MOCKS, Results
 from .flights import BEFORE, FOUND, OWN
-from .margins import RAD_S, Axes, sensitivity
+from .margins import RAD_S, Transfer, sensitivity
 
 STYLES = {BEFORE: (VERMILION, "the law before"), OWN: (GREY, "the autopilot's own"), FOUND: (BLUE, "quadctl")}
 SHOWN_RAD_S = 0.1, 30.0
 
 
 @styled
-def figure(results: Results, loops: Mapping[tuple[str, str], Axes]) -> Figure:
+def figure(results: Results, loops: Mapping[tuple[str, str], Transfer]) -> Figure:
     """Horizontal sensitivity above, error over time below, one column for each mock."""
     drawn = Figure(figsize=(WIDE_PX / 72, 7.0))
     upper, lower = drawn.subplots(2, len(ROBUST_MOCKS), sharey="row")
     shown = (SHOWN_RAD_S[0] <= RAD_S) & (SHOWN_RAD_S[1] >= RAD_S)
     for where, above, below in zip(ROBUST_MOCKS, upper, lower, strict=True):
         for law, (colour, label) in STYLES.items():
-            size = sensitivity(loops[where.title, law].horizontal)
+            size = sensitivity(loops[where.title, law])
             above.loglog(RAD_S[shown], size[shown], color=colour, label=label)
             time_s, error_m = results.errors[where.title, law]
             below.semilogy(time_s, 100.0 * error_m, color=colour, label=label)

@@ -1,4 +1,4 @@
-"""Margins of the loops from linear models: lag of the attitude or of the rotors, delay, and the control law.
+"""Margins of the horizontal loops from linear models: lag of the attitude, delay, and the control law.
 
 The loop is cut at the acceleration that control asks for. With G the answer from there to the acceleration flown, and
 F a filter of first order on the derivative:
@@ -11,7 +11,6 @@ Drag, which damps, is left out.
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -78,11 +77,6 @@ def attitude(response: AxisResponse, delay_s: float) -> Transfer:
     return at
 
 
-def rotors(time_constant_s: float, delay_s: float) -> Transfer:
-    """Answer of the thrust: the rotors' lag behind a delay."""
-    return lambda s: np.exp(-delay_s * s) / (time_constant_s * s + 1.0)
-
-
 def sensitivity(open_loop: Transfer, rad_s: Floats = RAD_S) -> Floats:
     """Size of 1 / (1 + L)."""
     size: Floats = np.abs(1.0 / (1.0 + open_loop(_on_axis(rad_s))))
@@ -98,63 +92,21 @@ def _on_axis(rad_s: Floats) -> Complex:
     return np.asarray(1j * rad_s, dtype=np.complex128)
 
 
-class Axes(NamedTuple):
-    """Open loops of one controller on one vehicle."""
-
-    horizontal: Transfer
-    vertical: Transfer
-
-
-def of_quadctl(settings: ControllerSettings, vehicle: Vehicle) -> Axes:
-    """Loops of the control law, whose target waits for half a tick on average."""
-    response, tick_s, filter_s = vehicle.attitude_response, 1.0 / settings.rate_hz, settings.derivative_time_s
+def of_quadctl(settings: ControllerSettings, vehicle: Vehicle) -> Transfer:
+    """Horizontal loop of the control law, whose target waits for half a tick on average."""
+    response, tick_s, gains = vehicle.attitude_response, 1.0 / settings.rate_hz, settings.velocity_horizontal
     assert response is not None
-    level, upright = settings.velocity_horizontal, settings.velocity_vertical
-    return Axes(
-        loop(
-            Gains(settings.position_p, level.p, level.i, level.d, filter_s),
-            attitude(response.roll, 0.5 * tick_s),
-            tick_s,
-        ),
-        loop(
-            Gains(settings.position_p_vertical, upright.p, upright.i, upright.d, filter_s),
-            rotors(vehicle.rotor.time_constant_s, 0.5 * tick_s),
-            tick_s,
-        ),
-    )
+    axis = Gains(settings.position_p, gains.p, gains.i, gains.d, settings.derivative_time_s)
+    return loop(axis, attitude(response.roll, 0.5 * tick_s), tick_s)
 
 
-def of_autopilot(own: PositionLaw, vehicle: Vehicle) -> Axes:
-    """Loops of an autopilot's own control, near its target."""
-    response = vehicle.attitude_response
+def of_autopilot(own: PositionLaw, vehicle: Vehicle) -> Transfer:
+    """Horizontal loop of an autopilot's own control, near its target."""
+    response, k = vehicle.attitude_response, own.horizontal
     assert response is not None
-    level, upright = (
-        Gains(
-            k.position_p,
-            k.velocity_p,
-            k.velocity_i,
-            k.velocity_d,
-            _constant_s(own.derivative_hz),
-            _constant_s(own.error_hz),
-            own.damps_error,
-        )
-        for k in (own.horizontal, own.vertical)
-    )
-    lift = rotors(vehicle.rotor.time_constant_s, OWN_HOLD_S)
-    return Axes(
-        loop(level, attitude(response.roll, OWN_HOLD_S)),
-        loop(upright, _with_lift_loop(own, lift) if own.lift_p else lift),
-    )
-
-
-def _with_lift_loop(own: PositionLaw, lift: Transfer) -> Transfer:
-    """Answer of the vertical acceleration to its setpoint in a loop of its own."""
-
-    def at(s: Complex) -> Complex:
-        inner = lift(s) * (own.lift_p + own.lift_i / s) / (_constant_s(own.lift_hz) * s + 1.0)
-        return inner / (1.0 + inner * np.exp(-OWN_HOLD_S * s))
-
-    return at
+    filters_s = _constant_s(own.derivative_hz), _constant_s(own.error_hz)
+    axis = Gains(k.position_p, k.velocity_p, k.velocity_i, k.velocity_d, *filters_s, own.damps_error)
+    return loop(axis, attitude(response.roll, OWN_HOLD_S))
 
 
 def _constant_s(cut_off_hz: float) -> float:

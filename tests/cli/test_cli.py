@@ -36,10 +36,10 @@ def quadctl(quadctl: Callable[..., Result], monkeypatch: pytest.MonkeyPatch, tmp
 
 @pytest.fixture(scope="module")
 def log(raptor: Vehicle, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A flight of two minutes with a ground effect of a = 0.3, b = 6."""
+    """A flight of a minute with a ground effect of a = 0.3, b = 6."""
     path = tmp_path_factory.mktemp("log") / "waves.csv"
     truth = Model(raptor).plus(Exponential(a=0.3, b=6.0))
-    write_csv(obedient(truth, 120.0, noise_m_s=0.01), path)
+    write_csv(obedient(truth, noise_m_s=0.01), path)
     return path
 
 

@@ -15,9 +15,9 @@ from quadctl.lab.flights.dataset import load_dataset
 from quadctl.lab.selection.diagnosis import diagnose
 from quadctl.logs.columns import LATERAL_COLUMNS, LATERAL_THROTTLE, motor_of
 from quadctl.logs.contradictions import contradictions
+from quadctl.logs.findings import worded
 from quadctl.logs.flight_log import FlightLog
 from quadctl.logs.read import read_log
-from quadctl.logs.words import worded
 from quadctl.model import Model
 from quadctl.sitl.run import simulate
 from quadctl.vehicle import load_vehicle

@@ -19,11 +19,10 @@ from quadctl.lab.flights.preparation import prepare
 from quadctl.logs.columns import rpm_columns
 from quadctl.logs.contradictions import contradictions
 from quadctl.logs.csv_log import read_csv, write_csv
-from quadctl.logs.findings import Kind, of_kind
+from quadctl.logs.findings import Kind, of_kind, worded
 from quadctl.logs.flight_log import ATTITUDE, POSITION, RATES, VELOCITY, FlightLog, Floats
 from quadctl.logs.quality import quality
 from quadctl.logs.read import read_log
-from quadctl.logs.words import worded
 from quadctl.model import Model
 from quadctl.vehicle import Vehicle, load_vehicle
 from tests.support.flights import SHORTER, obedient, simulated

@@ -105,7 +105,10 @@ class Comparison(Result):
             lines.append(self.agreement.said)
         if self.fails_where:
             shown = told(self.fails_where, SHOWN_FAILURES)
-            lines.append("Where the model fails, the largest share of the error first (sigma: standard errors):")
+            lines.append(
+                "Where the model fails, the largest share of the error first (sigma: standard errors from zero, or "
+                "from the average of the flight):"
+            )
             lines += [f"  - {failure.said} ({abs(failure.sigma):.0f} sigma)" for failure in shown]
             if len(self.fails_where) > SHOWN_FAILURES:
                 lines.append(

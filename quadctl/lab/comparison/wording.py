@@ -230,9 +230,9 @@ class Said(Kinds, words=Words(FORMATS)):
         When(
             "average",
             (
-                " (its average over the flight: ",
+                " (",
                 By("axis", {"up": "{average_share:.1%}"}, "{average_m_s2:.2f} m/s²"),
-                ")",
+                " on average)",
             ),
         ),
         When("stretches", ", {stretches:stretches}"),

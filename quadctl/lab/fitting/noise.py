@@ -5,6 +5,7 @@ Residuals stay correlated for tens of seconds and drift: at the lowest frequenci
 
 import math
 from collections.abc import Sequence
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -82,15 +83,15 @@ def spectrum(noise: Floats, taken: Floats, low: int) -> Floats:
     there. The mean counts as half the lowest frequency.
     """
     found = np.abs(rfft(noise)) ** 2 / len(noise)
-    at = np.arange(1.0, min(low, len(found) - 1) + 1.0)
-    power = found[1 : len(at) + 1]
-    share = 1.0 / (1.0 + taken[1 : len(at) + 1] / max(float(taken[1 : len(at) + 1].mean()), LEAST_VARIANCE))
+    lowest = slice(1, min(low, len(found) - 1) + 1)
+    power = found[lowest]
+    share = 1.0 / (1.0 + taken[lowest] / max(float(taken[lowest].mean()), LEAST_VARIANCE))
     share /= share.sum()
-    shapes = _shapes(np.concatenate([[0.5], at]))
-    scales = np.maximum(shapes[:, 1:] ** -1.0 @ (share * power), LEAST_VARIANCE)
-    likelihoods = -(np.log(shapes[:, 1:]) @ share + np.log(scales)) / float(share @ share)
+    shapes, inverse, logarithm = _shapes(len(power))
+    scales = np.maximum(inverse @ (share * power), LEAST_VARIANCE)
+    likelihoods = -(logarithm @ share + np.log(scales)) / float(share @ share)
     weights = np.exp(likelihoods - likelihoods.max())
-    found[: len(at) + 1] = (weights / weights.sum() * scales) @ shapes
+    found[: lowest.stop] = (weights / weights.sum() * scales) @ shapes
     return np.asarray(found)
 
 
@@ -99,10 +100,14 @@ def _lowest(n: int) -> int:
     return max(2, round(math.sqrt(n)))
 
 
-def _shapes(at: Floats) -> Floats:
-    """Every shape of the spectrum at the frequencies `at`, in units of the lowest one; shape (shapes, frequencies)."""
+@lru_cache(maxsize=16)
+def _shapes(count: int) -> tuple[Floats, Floats, Floats]:
+    """Every shape of the spectrum at half the lowest frequency and at the `count` lowest ones, shape (shapes, count +
+    1); its inverse and its logarithm at the latter, shape (shapes, count) each."""
+    at = np.array([0.5, *np.arange(1.0, count + 1.0)])
     corners = CORNERS[at[-1] > CORNERS]
-    return np.concatenate([(at**2 + corner**2) ** (-0.5 * SLOPES[:, None]) for corner in corners])
+    shapes = np.concatenate([(at**2 + corner**2) ** (-0.5 * SLOPES[:, None]) for corner in corners])
+    return shapes, shapes[:, 1:] ** -1.0, np.log(shapes[:, 1:])
 
 
 def autocovariance(values: Floats, dataset: Dataset) -> list[Floats]:

@@ -15,8 +15,7 @@ from scipy.sparse import csr_matrix
 from quadctl.effects import Conditions
 from quadctl.frames import GRAVITY_M_S2, Quaternion, euler_from_quaternion, rotate_inverse
 from quadctl.lab.arrays import Floats, Mask
-from quadctl.logs.findings import Finding, Kind, of_kind
-from quadctl.logs.words import worded
+from quadctl.logs.findings import Finding, Kind, of_kind, worded
 from quadctl.numeric import Number, Vector
 from quadctl.vehicle import Vehicle
 

@@ -29,11 +29,10 @@ from quadctl.lab.flights.prediction import AXES
 from quadctl.lab.flights.timing import timed
 from quadctl.lab.flights.vehicle_match import motion_problem, sidecar_problem, thrust_problem, weight_doubt
 from quadctl.lab.flights.velocity_scale import scale_finding
-from quadctl.logs.findings import Finding, Kind, finding
+from quadctl.logs.findings import Finding, Kind, finding, worded
 from quadctl.logs.flight_log import MOTION_CAPTURE, FlightLog, attitude_source, doubt_of_copy
 from quadctl.logs.record.flight_time import total
 from quadctl.logs.record.record import LEFT_OUT_S, MIN_FLIGHT_S, Record, examine
-from quadctl.logs.words import worded
 from quadctl.model import Model
 from quadctl.numeric import Vector
 from quadctl.surfaces import read_place
@@ -86,10 +85,11 @@ def prepare(log: FlightLog, vehicle: Vehicle) -> Flight:
         _assemble(log.name, vehicle, signals, grid, smooth, derivative, time, bandwidth, findings), log
     )
     flight = replace(flight, changes_s=record.changes_s, attitude_by=attitude_source(log))
-    flight = flight.by_accelerometer(tuple(AXES.index(axis) for axis in record.velocity_doubted))
     if _tells_force(flight, signals, segments):
         flight = flight.by_force()
         findings.append(finding(Kind.FORCE_BY_ACCELEROMETER))
+    else:
+        flight = flight.by_accelerometer(tuple(AXES.index(axis) for axis in record.velocity_doubted))
     del signals, grid, smooth, derivative  # of a long log they need as much memory as the flight
     (flight,) = timed([replace(flight, sha256=_sha256(log))], Model(vehicle))
     thrust = np.column_stack([flight.filtered(nominal) for nominal in flight.nominal_n])
@@ -109,7 +109,7 @@ def _tells_force(flight: Flight, signals: Signals, segments: Sequence[tuple[floa
     updates come as often as those of other channels must. And the size of its force, which needs no attitude, follows
     that of the velocity. It takes away forces that only the velocity shows: those are errors of the accelerometer here.
     """
-    if flight.sensed is None or flight.doubted_axes or flight.attitude_by != MOTION_CAPTURE:
+    if flight.sensed is None or flight.attitude_by != MOTION_CAPTURE:
         return False
     if BANDWIDTH_PER_UPDATE_RATE * signals.imu[0].rate_hz(segments) < flight.bandwidth_hz:
         return False

@@ -29,9 +29,9 @@ and positions up to 40 ms; a larger delay needs evidence."""
 MOST_EARLY_S = 0.04
 """Largest time by which a rotor signal comes before its force because the position is late, unless the flights show
 that the position is later."""
-VELOCITY_RANGE_S = (-0.04, 0.08)
+VELOCITY_RANGE_S = (-0.04, 0.3)
 ROTOR_RANGE_S = (-0.2, 0.3)
-"""Ranges that are searched; an estimate at an end says nothing."""
+"""Ranges that are searched; an estimate at an end says nothing. Filters make velocities late by up to 0.15 s."""
 VELOCITY_GAIN = 1.0
 """Acceleration that a controller commands per error of the velocity, 1/s: half of that of autopilots (PX4's
 MPC_XY_VEL_P_ACC is 1.8, ArduPilot's PSC_VELXY_P 2), as the intercepts of `_regression` take away half of the answer or

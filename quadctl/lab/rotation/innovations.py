@@ -10,6 +10,7 @@ projection, Golub & Pereyra 1973).
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import cached_property, lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -113,8 +114,12 @@ class SteadyFilter:
 
     def whitened(self, signal: Floats) -> Floats:
         """Innovations of a signal, along the last axis: the signal through the inverse of the noise's filter."""
+        return np.asarray(lfilter(*self._inverse, signal, axis=-1))
+
+    @cached_property
+    def _inverse(self) -> tuple[Floats, Floats]:
         closed = self.transition - np.outer(self.gain, np.eye(len(self.gain))[0])
-        return np.asarray(lfilter(np.real(np.poly(self.transition)), np.real(np.poly(closed)), signal, axis=-1))
+        return np.real(np.poly(self.transition)), np.real(np.poly(closed))
 
 
 def steady_filter(drift: Floats, diffusion: Floats, noise: float, step_s: float) -> SteadyFilter:
@@ -153,12 +158,14 @@ class Noise:
     def _diffusion(self) -> tuple[float, float]:
         return 2.0 / self.quick_s, 2.0 * self.slow**2 / self.slow_s
 
+    @lru_cache(maxsize=64)  # noqa: B019 - most steps of a search vary something else; a noise is four numbers
     def of_force(self, step_s: float) -> SteadyFilter:
         """Filter of the disturbances that a sensor measures themselves. Its first state is their sum."""
         drift = np.array([[-1.0 / self.quick_s, 1.0 / self.quick_s - 1.0 / self.slow_s], [0.0, -1.0 / self.slow_s]])
         quick, slow = self._diffusion
         return steady_filter(drift, np.array([[quick + slow, slow], [slow, slow]]), self.sensor**2, step_s)
 
+    @lru_cache(maxsize=64)  # noqa: B019
     def of_rate(self, damping_1_s: float, step_s: float) -> SteadyFilter:
         """Filter of a rate that the disturbances drive, and that damps itself. Its last state is the slow one."""
         drift = np.array([[-damping_1_s, 1.0, 1.0], [0.0, -1.0 / self.quick_s, 0.0], [0.0, 0.0, -1.0 / self.slow_s]])

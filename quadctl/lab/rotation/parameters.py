@@ -9,9 +9,9 @@ where e = dln T / dln x is the elasticity of the thrust, T = k1 x + k2 x^2. The 
 accelerometer e.
 """
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import Any
 
 import numpy as np
@@ -63,6 +63,20 @@ class _Axis:
         self, damping: float, acts: tuple[float, float, float], shared: Floats, noise: SteadyFilter
     ) -> Regression:
         """Regression with lag, delay and lead of the moment, `acts`."""
+        seen = self.record.without_shared(self._seen(damping, acts), shared)
+        white = noise.whitened(seen)[:, round(SETTLED_S / self.record.measured_s) :]
+        columns = white[1:-1].T
+        instruments = columns.copy()
+        instruments[:, 1:] = earlier(columns[:, 1:], round(GUST_TURNS_S / self.record.measured_s))
+        return Regression(white[0], columns, white[-1:].T, instruments)
+
+    @cached_property
+    def _seen(self) -> Callable[[float, tuple[float, float, float]], Floats]:
+        """The last results of `_moved`: a search that varies the noise alone asks for the same again."""
+        return lru_cache(maxsize=2)(self._moved)
+
+    def _moved(self, damping: float, acts: tuple[float, float, float]) -> Floats:
+        """Rate, and what command, airspeed and a steady moment make of it, at the measured samples."""
         step_s, (lag_s, delay_s, lead_s) = self.record.step_s, acts
         held_s = delay_s - step_s / 2.0
         command = self.difference.before(step_s + max(held_s, 0.0))
@@ -70,12 +84,7 @@ class _Axis:
         forces = [*([] if self.airspeed is None else [self.airspeed]), np.ones(len(self.rate))]
         moved = np.vstack([turned, first_order(np.array(forces), damping, step_s)])
         rate = (self.rate - self.rate[0])[:: self.record.every]
-        seen = self.record.without_shared(np.vstack([rate, self.record.as_measured(moved)]), shared)
-        white = noise.whitened(seen)[:, round(SETTLED_S / self.record.measured_s) :]
-        columns = white[1:-1].T
-        instruments = columns.copy()
-        instruments[:, 1:] = earlier(columns[:, 1:], round(GUST_TURNS_S / self.record.measured_s))
-        return Regression(white[0], columns, white[-1:].T, instruments)
+        return np.vstack([rate, self.record.as_measured(moved)])
 
 
 def differences(command: Floats, elasticity: float, vehicle: Vehicle) -> Floats:
@@ -174,18 +183,16 @@ class Rotation:
 
     def told(self, axis: str) -> dict[str, Value]:
         """Parameters of an axis whose intervals can be trusted: none where its innovations are not white, or slope or
-        commands are not told; no lag that is not known, no damping at a bound, no moment of an airspeed that hardly
-        changed."""
+        commands are not told; no lag that is not known, no damping at a bound or of a disturbance, no moment of an
+        airspeed that hardly changed."""
         fit = self.axes[axis]
         if not self.is_told(axis):
             return {}
         shown = {"slope": fit.values["slope"]}
         if axis in self.gain:
             shown["gain"] = self.gain[axis]
-        others = [
-            name for name in ("damping_1_s", "airspeed", "lead_s") if name in fit.values and name not in fit.at_bound
-        ]
-        shown |= {name: fit.values[name] for name in others}
+        others = ("airspeed", "lead_s", *(["damping_1_s"] if _damps(fit) else []))
+        shown |= {name: fit.values[name] for name in others if name in fit.values and name not in fit.at_bound}
         lag = None if "lead_s" in fit.values else self._lag(axis)
         return shown | ({} if lag is None else {"lag_s": lag})
 
@@ -279,6 +286,13 @@ def known_lag(lag: Value, step_s: float) -> Value | None:
 def is_told(fit: Estimated) -> bool:
     """Tell whether the commands have turned an axis, as far as its prediction errors are white."""
     return fit.white and fit.values["slope"].low > 0.0 and fit.values["lag_s"].value < 0.99 * MOST_LAG_S
+
+
+def _damps(fit: Estimated) -> bool:
+    """Tell whether the damping is the body's own: where the slow disturbance has the shortest memory that it may have,
+    the rate forgets in place of the disturbance."""
+    shortest = "log_slow_s" in fit.at_bound and fit.values["log_slow_s"].value < 0.0
+    return not shortest or "log_slow" in fit.at_bound
 
 
 def fit_rotation(records: Sequence[Record], vehicle: Vehicle) -> Rotation:

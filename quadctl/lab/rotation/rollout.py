@@ -146,9 +146,10 @@ def rotation_vector(q: Floats, other: Floats) -> Floats:
 
 def turned_by(q: Floats, vector: Floats) -> Floats:
     """Attitude after a rotation by `vector`, rad, in body axes; the inverse of `rotation_vector`."""
-    half = 0.5 * np.linalg.norm(vector, axis=1, keepdims=True)
-    part = np.concatenate([np.cos(half), 0.5 * np.sinc(half / np.pi) * vector], axis=1)
-    return np.stack(multiply(tuple(q.T), tuple(part.T)), axis=1)
+    x, y, z = vector.T
+    half = 0.5 * np.sqrt(x * x + y * y + z * z)
+    size = 0.5 * np.sinc(half / np.pi)
+    return np.stack(multiply(tuple(q.T), (np.cos(half), size * x, size * y, size * z)), axis=1)
 
 
 def unexplained_rates(track: Track, driven: Driven, physics: Physics) -> Floats:

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
@@ -78,15 +79,16 @@ def _elasticity(records: Sequence[Record], lag_s: float, by_voltage: bool, *, cl
     for r in records:
         assert r.force is not None
         own = r.command(by_voltage) / hover - 1.0
-        mean, curved = (Delayed(x.mean(axis=1), r.step_s) for x in (own, own**2))
+        # A search that varies the noise alone asks for the same again.
+        mean, curved = (lru_cache(maxsize=2)(Delayed(x.mean(axis=1), r.step_s).by) for x in (own, own**2))
         flights.append((-r.force[:, 2] / GRAVITY_M_S2, mean, curved, _beside_thrust(r), r))
     names = ["delay_s", *NOISE_NAMES, *([] if climbed else ["inflow_1_s"])]
 
     def regress(x: Floats) -> list[Regression]:
         made = []
         for force, mean, curved, beside, r in flights:
-            bend = curved.by(x[0], lag_s)
-            told = np.array([bend, mean.by(x[0], lag_s) + bend])
+            bend = curved(x[0], lag_s)
+            told = np.array([bend, mean(x[0], lag_s) + bend])
             if climbed and r.airspeed is not None:
                 told = np.vstack([told, r.airspeed[:, 2] / GRAVITY_M_S2])
             else:

@@ -49,6 +49,8 @@ class Candidate:
     """False where these data do not distinguish the effect from its confounded effects."""
     implied: bool = False
     """True where the other effects of the model imply this one, so that it is no discovery of its own."""
+    fitted: bool = True
+    """False where the effect explains no more than noise to first order, so that it was not fitted."""
     at_bound: bool = False
     """True where a parameter of the effect ran into a bound."""
     determined: bool = True

@@ -3,12 +3,16 @@
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 
+import numpy as np
+
 from quadctl.effects import Effect, every_effect
+from quadctl.lab.arrays import Floats
 from quadctl.lab.fitting.fitted_model import FittedModel
 from quadctl.lab.fitting.flexible_regression import drift_of, flexible_residual
 from quadctl.lab.fitting.form_errors import FormErrors
 from quadctl.lab.fitting.significance import improvement_p_value
 from quadctl.lab.flights.channels import ROTOR_SPEED
+from quadctl.lab.flights.dataset import Dataset
 from quadctl.lab.selection.constants import with_constants_told
 from quadctl.lab.selection.rule import (
     RULE,
@@ -57,12 +61,18 @@ def choose_effects(
     progress("analysing the remaining error")
     # The part explained by an effect that is too small to be called missing is not unexplained.
     small = [c.residual for c in path.latest.values() if is_measured(c, rule) and not is_supported(c, rule)]
-    residual = min([path.residual, *small], key=lambda residual: score(residual, rule))[:, :3]
+    left = min([path.residual, *small], key=lambda residual: score(residual, rule))
+    residual, sensed = left[:, :3], by_accelerometer(left, dataset)
     flexible = flexible_residual(residual, dataset, dataset.causes)
     forms = FormErrors.of(path.current)
-    matters = is_unexplained(residual, flexible, improvement_p_value(residual, flexible, dataset, forms), rule)
     drift = drift_of(residual, dataset)
-    drifts = is_mostly_drift(residual, drift, rule)
+
+    def is_sensed(explained: Floats) -> bool:
+        return sensed is None or bool(np.var(sensed - explained, axis=0).sum() < np.var(sensed, axis=0).sum())
+
+    matters = is_unexplained(residual, flexible, improvement_p_value(residual, flexible, dataset, forms), rule)
+    matters = matters and is_sensed(flexible)
+    drifts = is_mostly_drift(residual, drift, rule) and is_sensed(drift)
     symbolic = explain(residual, dataset) if matters or drifts else None
     # A regression on many variables may explain a little of pure noise; a real cause has an expression or is large.
     unexplained = drifts or (matters and (symbolic is not None or is_large(residual, flexible, rule)))
@@ -71,3 +81,17 @@ def choose_effects(
     if unexplained and path.missing and is_mostly_left(fit.held_out_residual[:, :3], residual, flexible, rule):
         path = emptied(path)
     return Choice(path, unfit, unexplained, symbolic)
+
+
+def by_accelerometer(residual: Floats, dataset: Dataset) -> Floats | None:
+    """Residual of the acceleration where the accelerometer tells it, north, east, up, shape (n, 3), from that of all
+    targets; None without one. What only the velocity shows is an error of it or of the attitude, and no force."""
+    if "sensing" not in dataset.groups:
+        return None
+    first = 3 * dataset.groups.index("sensing")
+    found = residual[:, :3].copy()
+    for flight, part in zip(dataset.flights, dataset.parts, strict=True):
+        told = flight.doubted_axes if not flight.tells_force else (0, 1, 2)
+        by_velocity = [axis for axis in range(3) if axis not in told]
+        found[part, by_velocity] += residual[part, first : first + 3][:, by_velocity]
+    return found

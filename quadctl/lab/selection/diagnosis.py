@@ -149,6 +149,8 @@ class Diagnosis(Result):
         if len(self.steps) > 1:
             before, after = self.steps[0].rmse["total"], self.steps[-1].rmse["total"]
             found.append(Finding(Kind.ERROR, {"before": before, "after": after, "drop": 1.0 - after / before}))
+        elif self.verdict != "small":
+            found.append(Finding(Kind.ERROR_LEFT, {"rmse": self.steps[0].rmse["total"]}))
         if self.verdict == "missing" and self.unexplained:
             found.append(Finding(Kind.PART_UNEXPLAINED))
         confounded: dict[str, list[str]] = {}
@@ -220,10 +222,12 @@ class Diagnosis(Result):
         """Every candidate, with parameters and intervals, and the reasons why others were not tried."""
         title = f"All candidates (* missing, in the order of adding; significant: p < {RULE.significant:g})"
         missing = {step.effect for step in self.steps}
-        untried = [f"Not tried: {in_words(reason)}." for reason in self.untried]
         against = {c.effect.name: in_words(reason_against(c, rival_of(c, self.chosen))) for c in self.ranking}
-        table = _table(title, self.ranking, missing, against)
-        return Group(table, Text(on_terminal("\n".join(untried))))
+        table = _table(title, [c for c in self.ranking if c.fitted], missing, against)
+        not_fitted = ", ".join(c.effect.name for c in self.ranking if not c.fitted)
+        left_out = [f"Not fitted, as to first order no better than noise: {not_fitted}."] if not_fitted else []
+        left_out += [f"Not tried: {in_words(reason)}." for reason in self.untried]
+        return Group(table, Text(on_terminal("\n".join(left_out))))
 
 
 def _of_attitudes(fit: FittedModel | None) -> list[Finding]:

@@ -20,7 +20,7 @@ from quadctl.lab.fitting.form_errors import FormErrors
 from quadctl.lab.fitting.initial_guesses import Unmodelled, is_hopeless
 from quadctl.lab.fitting.significance import improvement_p_value
 from quadctl.lab.flights.dataset import Dataset
-from quadctl.lab.flights.prediction import rmse
+from quadctl.lab.flights.prediction import concerns, rmse
 from quadctl.lab.selection.candidate import Candidate
 from quadctl.lab.selection.rule import (
     RULE,
@@ -327,8 +327,20 @@ def _is_plausible(path: Path) -> bool:
 
 
 def emptied(path: Path) -> Path:
-    """Path back at its start, with its trials: the effects found do not explain the residual."""
-    return replace(path, current=path.start, steps=path.steps[:1], missing=(), confounded=())
+    """Path back at its start, with its trials, but for the errors of the accelerometer: the other effects found do not
+    explain the residual."""
+    kept = {effect.family() for effect in path.current.model.effects if concerns(effect, "sensing")}
+    missing = tuple(family for family in path.missing if family in kept)
+    if missing == path.missing:
+        return path
+    stack = tuple(
+        i for i in path.current.model.stack if i.effect.family() not in path.missing or i.effect.family() in kept
+    )
+    current = fit_model(replace(path.start.fitter.model, stack=stack), path.dataset) if missing else path.start
+    errors = rmse(current.held_out_residual, path.dataset.groups)
+    steps = (path.steps[0], *(replace(step, rmse=errors) for step in path.steps if step.family in missing))
+    confounded = tuple(pair for pair in path.confounded if pair[0] in missing)
+    return replace(path, current=current, steps=steps, missing=missing, confounded=confounded)
 
 
 def _tried(path: Path, pool: Sequence[type[Effect]], progress: Progress) -> _Round:

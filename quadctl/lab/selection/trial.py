@@ -63,7 +63,8 @@ def not_fitted(effect: type[Effect], left: Unmodelled) -> Candidate:
         after=errors,
         p_value=1.0,
         residual=left.residual,
-        remarks=["not fitted: to first order it explains nothing"],
+        remarks=[],
+        fitted=False,
         determined=False,
     )
 

@@ -56,6 +56,8 @@ def reason_against(c: Candidate, chosen: Candidate | None) -> Finding:
 
     `chosen` is None where nothing was called missing.
     """
+    if not c.fitted:
+        return Finding(Kind.NOT_FITTED)
     if c.held_out_drop <= 0.0 or (c.held_out_drop < NO_GAIN and not is_significant(c.p_value)):
         return Finding(Kind.NO_DROP)
     if not is_significant(c.p_value):

@@ -19,8 +19,8 @@ from numpy.typing import NDArray
 from quadctl.errors import LogError
 from quadctl.lab.tracking.steps import only_step, source_of_steps
 from quadctl.logs.contradictions import contradictions
+from quadctl.logs.findings import worded
 from quadctl.logs.flight_log import FlightLog, Floats
-from quadctl.logs.words import worded
 from quadctl.words import Fact, Kinds, fact, nearest
 
 TEST_PHASE = "step"

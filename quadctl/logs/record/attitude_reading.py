@@ -4,12 +4,12 @@ Motion capture often writes angles in another order, a quaternion may be the inv
 over the ground. The gyro tells: read rightly, the attitude turns as the body rates say.
 """
 
-from collections.abc import Callable
 from dataclasses import replace
+from functools import reduce
 
 import numpy as np
 
-from quadctl.frames import Quaternion, euler_from_quaternion, euler_rates, multiply, quaternion_from_euler
+from quadctl.frames import Quaternion, euler_from_quaternion, euler_rates, multiply
 from quadctl.logs.findings import Finding, Kind, finding
 from quadctl.logs.flight_log import ATTITUDE, RATES, VELOCITY, FlightLog, Floats
 from quadctl.logs.record.flight_time import STEP_S, averaged, clock_of, on_clock
@@ -34,38 +34,16 @@ Angles = tuple[Floats, Floats, Floats]
 """Angles about x, y and z, rad."""
 
 
-def _in_order(x: Floats, y: Floats, z: Floats) -> Quaternion:
-    return quaternion_from_euler(x, y, z)
+READINGS = ("z-y-x", "x-y-z", "y-x-z", "z-x-y", "inverse")
+"""Ways to read three angles, that of FlightLog first: orders of intrinsic angles; `inverse` turns the world into the
+body."""
 
 
-def _x_first(x: Floats, y: Floats, z: Floats) -> Quaternion:
-    """Attitude of intrinsic angles x, y, z in that order."""
-    return multiply(multiply(_about(0, x), _about(1, y)), _about(2, z))
-
-
-def _y_first(x: Floats, y: Floats, z: Floats) -> Quaternion:
-    """Attitude of intrinsic angles y, x, z in that order."""
-    return multiply(multiply(_about(1, y), _about(0, x)), _about(2, z))
-
-
-def _z_x_y(x: Floats, y: Floats, z: Floats) -> Quaternion:
-    """Attitude of intrinsic angles z, x, y in that order."""
-    return multiply(multiply(_about(2, z), _about(0, x)), _about(1, y))
-
-
-def _inverse(x: Floats, y: Floats, z: Floats) -> Quaternion:
-    """Attitude of angles that turn the world into the body."""
-    return _conjugate(quaternion_from_euler(x, y, z))
-
-
-READINGS: dict[str, Callable[[Floats, Floats, Floats], Quaternion]] = {
-    "z-y-x": _in_order,
-    "x-y-z": _x_first,
-    "y-x-z": _y_first,
-    "z-x-y": _z_x_y,
-    "inverse": _inverse,
-}
-"""Ways to read three angles, the one of FlightLog first."""
+def _attitude(reading: str, angles: Angles) -> Quaternion:
+    """Attitude of angles about x, y and z that are read in one of these ways."""
+    if reading == "inverse":
+        return _conjugate(_attitude("z-y-x", angles))
+    return reduce(multiply, (_about(axis, angles[axis]) for axis in map("xyz".index, reading.split("-"))))
 
 
 def read_rightly(log: FlightLog) -> tuple[FlightLog, list[Finding]]:
@@ -81,11 +59,11 @@ def read_rightly(log: FlightLog) -> tuple[FlightLog, list[Finding]]:
         return log, []
     roll, pitch, yaw = (np.radians(on_clock(grid, log, name, unwrap=True)) for name in ATTITUDE)
     angles = roll, pitch, yaw
-    left = {name: _left(_turns(read(*angles)), turned) / size for name, read in READINGS.items()}
-    first, best = next(iter(READINGS)), min(left, key=left.__getitem__)
+    left = {reading: _left(_turns(_attitude(reading, angles)), turned) / size for reading in READINGS}
+    first, best = READINGS[0], min(left, key=left.__getitem__)
     if left[first] > WRONG and left[best] < min(RIGHT, BETTER * left[first]):
         told = finding(Kind.ATTITUDE_READ, order=best, unexplained=left[first], unexplained_then=left[best])
-        return _written_anew(log, READINGS[best]), [told]
+        return _written_anew(log, best), [told]
     return _with_a_heading(log, grid, angles)
 
 
@@ -113,9 +91,10 @@ def _left(turns: Floats, by_rates: Floats) -> float:
     return float(np.sqrt(np.mean(np.sort(squares)[: max(1, round(0.95 * len(squares)))]) / 3.0))
 
 
-def _written_anew(log: FlightLog, read: Callable[[Floats, Floats, Floats], Quaternion]) -> FlightLog:
+def _written_anew(log: FlightLog, reading: str) -> FlightLog:
     """The log with the angles in its own order."""
-    angles = euler_from_quaternion(read(*(np.radians(log[name]) for name in ATTITUDE)))
+    roll, pitch, yaw = (np.radians(log[name]) for name in ATTITUDE)
+    angles = euler_from_quaternion(_attitude(reading, (roll, pitch, yaw)))
     columns = {name: np.degrees(angle) for name, angle in zip(ATTITUDE, angles, strict=True)}
     return replace(log, columns={**log.columns, **columns})
 

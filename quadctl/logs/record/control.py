@@ -9,6 +9,7 @@ from quadctl.logs.columns import motor_of
 from quadctl.logs.events import events_of
 from quadctl.logs.findings import Finding, Kind, Span, finding
 from quadctl.logs.flight_log import ATTITUDE, FlightLog, Floats
+from quadctl.logs.merge import intervals
 from quadctl.logs.record.flight_time import Mask, within
 
 UPSIDE_DOWN_DEG, UPSIDE_DOWN_S = 90.0, 0.2
@@ -93,10 +94,6 @@ def _first(time_s: Floats, on: Mask, least_s: float) -> float | None:
     return next((begin for begin, _ in _lasting(time_s, on, least_s)), None)
 
 
-def _lasting(time_s: Floats, on: Mask, least_s: float) -> Iterator[Span]:
+def _lasting(time_s: Floats, on: Mask, least_s: float) -> list[Span]:
     """Stretches of a flag that last."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], on.astype(np.int8), [0]])))
-    for begin, end in zip(edges[::2], edges[1::2], strict=True):
-        until = time_s[min(end, len(time_s) - 1)]
-        if until - time_s[begin] >= least_s:
-            yield float(time_s[begin]), float(until)
+    return [(begin_s, end_s) for begin_s, end_s in intervals(time_s, on) if end_s - begin_s >= least_s]

@@ -17,7 +17,7 @@ from quadctl.frames import body_rates
 from quadctl.logs.channel_groups import channel_groups
 from quadctl.logs.findings import Finding, Kind, Span, finding
 from quadctl.logs.flight_log import ATTITUDE, IMU, RATES, VELOCITY, FlightLog, Floats
-from quadctl.logs.record.flight_time import THRUST_SOURCES, averaged, thrust_drive, within
+from quadctl.logs.record.flight_time import THRUST_SOURCES, averaged, on_clock, thrust_drive, within
 from quadctl.logs.record.heading import INDEPENDENT_S as INDEPENDENT_LEAN_S
 from quadctl.logs.record.heading import STEP_S as CLOCK_S
 from quadctl.logs.record.heading import directions, motion_of
@@ -111,7 +111,7 @@ def delay_of_rates(log: FlightLog, flights: tuple[Span, ...]) -> Delay | None:
 
     def both(grid: Floats) -> tuple[Floats, Floats]:
         return _rates_by_attitude(log, grid, OF_RATES.step_s)[:2], np.array(
-            [_on(log, name, grid) for name in RATES[:2]]
+            [on_clock(grid, log, name) for name in RATES[:2]]
         )
 
     return _delay(both, OF_RATES, flights, (log.time_s[log.updates(*ATTITUDE)], log.time_s[log.updates(*RATES)]))
@@ -129,7 +129,7 @@ def delay_of_rotors(log: FlightLog, source: str | None, flights: tuple[Span, ...
     lift = drive[known] * upright[known]
 
     def both(grid: Floats) -> tuple[Floats, Floats]:
-        climb = averaged(_on(log, VELOCITY[2], grid), OF_ROTORS.smoothed_steps)
+        climb = averaged(on_clock(grid, log, VELOCITY[2]), OF_ROTORS.smoothed_steps)
         return np.gradient(climb, OF_ROTORS.step_s)[None], np.interp(grid, log.time_s[known], lift)[None]
 
     return _delay(both, OF_ROTORS, flights, (log.time_s[log.updates(VELOCITY[2])], log.time_s[known]))
@@ -298,11 +298,6 @@ def _rates_by_attitude(log: FlightLog, grid: Floats, step_s: float) -> Floats:
     angles = [np.interp(grid, log.time_s[rows], np.unwrap(np.radians(log[name][rows]))) for name in ATTITUDE]
     slopes = [np.gradient(angle, step_s) for angle in angles]
     return np.array(body_rates(angles[0], angles[1], slopes[0], slopes[1], slopes[2]))
-
-
-def _on(log: FlightLog, name: str, grid: Floats) -> Floats:
-    rows = log.updates(name)
-    return np.interp(grid, log.time_s[rows], log[name][rows])
 
 
 def _smoothed(values: Floats, steps: int) -> Floats:

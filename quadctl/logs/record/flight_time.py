@@ -16,6 +16,7 @@ from quadctl.frames import GRAVITY_M_S2, quaternion_from_euler, rotate
 from quadctl.logs.columns import MOTOR_QUANTITIES, motor_of
 from quadctl.logs.findings import Span
 from quadctl.logs.flight_log import ATTITUDE, VELOCITY, FlightLog, Floats
+from quadctl.logs.merge import runs
 
 Mask = NDArray[np.bool_]
 
@@ -346,19 +347,16 @@ def averaged(values: Floats, steps: int) -> Floats:
 
 def _lasting(on: Mask, least: int) -> Mask:
     """The stretches of a flag that last for at least so many steps."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], on.astype(np.int8), [0]])))
     kept = np.zeros(len(on), dtype=bool)
-    for begin, end in zip(edges[::2], edges[1::2], strict=True):
+    for begin, end in runs(on):
         kept[begin:end] = end - begin >= least
     return kept
 
 
 def _grown(seed: Mask, may: Mask) -> Mask:
     """The seed with the stretches of `may` that touch it."""
-    allowed = seed | may
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], allowed.astype(np.int8), [0]])))
     grown = np.zeros(len(seed), dtype=bool)
-    for begin, end in zip(edges[::2], edges[1::2], strict=True):
+    for begin, end in runs(seed | may):
         grown[begin:end] = seed[begin:end].any()
     return grown
 

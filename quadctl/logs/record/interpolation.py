@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from quadctl.logs.findings import Finding, Kind, Span, finding
 from quadctl.logs.flight_log import FlightLog, Floats
+from quadctl.logs.merge import runs
 from quadctl.logs.record.flight_time import Mask
 
 NOISE_OF_RESOLUTION = 20.0
@@ -104,9 +105,8 @@ def _is_noise(off: Floats, on_line: Mask) -> bool:
 
     A kink between two rows bends at both of them: they count as one.
     """
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], (~on_line).astype(np.int8), [0]])))
     kinks: list[Floats] = []
-    for begin, end in zip(edges[::2], edges[1::2], strict=True):
+    for begin, end in runs(~on_line):
         run = off[begin:end]
         kinks.append(run.sum(keepdims=True) if len(run) <= 2 else run)
     each = np.concatenate(kinks) if kinks else np.zeros(0)
@@ -116,10 +116,9 @@ def _is_noise(off: Floats, on_line: Mask) -> bool:
 
 def _long_lines(time_s: Floats, inner: Mask) -> tuple[list[Span], Mask]:
     """Times of lines longer than LINE_S, and the updates that they hold; a line that reaches the end holds the end."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], inner.astype(np.int8), [0]])))
     lost: list[Span] = []
     drawn = np.zeros(len(inner), dtype=bool)
-    for begin, end in zip(edges[::2], edges[1::2], strict=True):
+    for begin, end in runs(inner):
         if time_s[min(end, len(time_s) - 1)] - time_s[begin] < LINE_S:
             continue
         end_row = len(inner) if end >= len(inner) - 1 else end

@@ -99,7 +99,7 @@ class Record:
     @property
     def velocity_doubted(self) -> tuple[str, ...]:
         """Axes along which the accelerometer and not the velocity tells the acceleration."""
-        odd = [found for found in of_kind(self.findings, Kind.WITNESSES_DISAGREE) if found.figures["odd"] == "velocity"]
+        odd = [found for found in of_kind(self.findings, Kind.WITNESSES_DISAGREE) if found.figures["odd"] != "imu"]
         return tuple(axis for found in odd for axis in found.figures["axes"])
 
 
@@ -145,13 +145,14 @@ def _examined(log: FlightLog, side_force: bool) -> Record:
     log, found = corrected_heading(log, usable_s, logged)
     findings += found
     contradicting = contradictions(log, side_force)
+    as_logged = log
     log, found = _of_one_motion(log, source, usable_s)
     findings += found
     cut, found = level.of_one_level(log, usable_s)
     findings += found
     left_out += cut
     usable_s = usable(flights, left_out)
-    log, found = _by_witnesses(log, source, usable_s)
+    log, found = _by_witnesses(log, as_logged, source, usable_s)
     findings += found
     lacking = _lacking(log, source)
     if not (logged or heading_error(log, usable_s).is_told):
@@ -168,13 +169,15 @@ def _of_one_motion(log: FlightLog, source: str | None, usable_s: tuple[Span, ...
     return log, [*of_rates, *of_rotors, *of_point]
 
 
-def _by_witnesses(log: FlightLog, source: str | None, usable_s: tuple[Span, ...]) -> tuple[FlightLog, list[Finding]]:
+def _by_witnesses(
+    log: FlightLog, as_logged: FlightLog, source: str | None, usable_s: tuple[Span, ...]
+) -> tuple[FlightLog, list[Finding]]:
     """The log without an accelerometer that is odd, and without the error of a height that follows a barometer's."""
-    disagree = witnesses.disagreements(log, source, usable_s)
+    disagree = witnesses.disagreements(log, as_logged, source, usable_s)
     findings = witnesses.disagreement_findings(disagree)
     if any(one.odd == "imu" for one in disagree):
         log = replace(log, columns={name: values for name, values in log.columns.items() if name not in IMU})
-    if not any(one.axis == "up" and one.odd == "velocity" for one in disagree):
+    if not any(one.odd == "velocity" for one in disagree):
         log, found = without_height_error(log, source, usable_s)
         findings += found
     return log, findings

@@ -1,18 +1,23 @@
-"""Two witnesses of one acceleration: the accelerometer, and the change of the estimated velocity.
+"""Three witnesses of one force on the body: the accelerometer, the thrust, and the change of the estimated velocity.
 
-They agree within some tenths of a m/s^2 while the record is sound. Where they do not, the thrust and the attitude are
-the third witness: the one that does not follow them is odd, and nothing that only it shows is physics.
+Over the mass, accelerometer and thrust tell it in the body, the velocity in the world: only the logged attitude turns
+that into the body. Along the thrust an attitude that is off by degrees changes nothing, so that the three are
+independent there; across it accelerometer and thrust agree where the attitude is wrong, and velocity and attitude are
+one witness. A velocity that lags differs by its lag times its slope, which is no disagreement: its lag is found later,
+from the position. The witness that does not follow the other two is odd, and nothing that only it shows is physics.
 """
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
+from numpy.typing import NDArray
 
-from quadctl.frames import GRAVITY_M_S2, quaternion_from_euler, rotate
+from quadctl.frames import GRAVITY_M_S2, quaternion_from_euler, rotate, rotate_inverse
 from quadctl.logs.findings import Finding, Kind, Span, finding
 from quadctl.logs.flight_log import ATTITUDE, IMU, VELOCITY, FlightLog, Floats
 from quadctl.logs.kinematics import integral
-from quadctl.logs.record.flight_time import averaged, on_clock, thrust_drive
+from quadctl.logs.record.flight_time import averaged, on_clock, thrust_drive, without
 
 STEP_S, SMOOTHED_STEPS, SLOW_S = 0.1, 5, 10.0
 """Step of the clock, half the width of the filter of all three, and the time over which their means are taken away: an
@@ -24,40 +29,55 @@ ODD = 2.5
 difference to what it leaves of the sound one. Recordings of real and simulated autopilots, and of motion capture, reach
 1.6 and 1.2."""
 GAINS = (0.6, 1.3)
-"""Range of the acceleration over that by thrust and attitude."""
+"""Range of the force along the thrust over that by the thrust."""
+SIGMA = 3.0
+"""Standard errors by which the size of a noise may be off."""
 PIECE_S = 10.0
 """Shorter flights are not judged."""
-AXES = ("north", "east", "up")
+ACROSS, ALONG = ("north", "east"), ("up",)
 
 
 @dataclass(frozen=True)
 class Disagreement:
-    """Difference of the accelerometer and the change of velocity along one axis."""
+    """Difference of the accelerometer and the change of velocity across or along the thrust."""
 
-    axis: str
+    axes: tuple[str, ...]
+    """Axes of the world that it concerns in a vehicle that hovers."""
     difference_m_s2: float
-    """Root mean square."""
+    """Root mean square, of both axes together."""
     odd: str
-    """`velocity` or `imu`: the one that does not follow thrust and attitude."""
+    """`velocity`, `attitude` (or the velocity: across the thrust they are one witness) or `imu`."""
 
 
-def disagreements(log: FlightLog, thrust_source: str | None, flights: tuple[Span, ...]) -> list[Disagreement]:
-    """Axes of the world along which accelerometer and velocity disagree; [] where the log has only one of them."""
+def disagreements(
+    log: FlightLog, as_logged: FlightLog, thrust_source: str | None, flights: tuple[Span, ...]
+) -> list[Disagreement]:
+    """Directions along which accelerometer and velocity disagree; [] where the log has only one of them. The noise of
+    the accelerometer's samples (vibration), which is no disagreement, is that `as_logged`, before any was moved."""
     if not all(log.has(name) for name in (*IMU, *VELOCITY, *ATTITUDE)):
         return []
     drive = thrust_drive(log, thrust_source)
-    pieces = [_pieces(log, drive, flight) for flight in flights if flight[1] - flight[0] > PIECE_S]
-    if not pieces:
+    sampled = [flight for flight in without(flights, _gaps(log)) if flight[1] - flight[0] > PIECE_S]
+    if not sampled:
         return []
-    by_velocity, by_imu, by_thrust, *of_body = (np.concatenate(parts, axis=1) for parts in zip(*pieces, strict=True))
-    by_imu = _without_offset(by_imu, by_velocity, of_body)
+    pieces = [_pieces(log, drive, flight) for flight in sampled]
+    by_imu, by_velocity, by_thrust, slope, speed = (np.concatenate(p, axis=1) for p in zip(*pieces, strict=True))
+    noise = np.mean([_noise(as_logged, flight) for flight in sampled], axis=0)
+    power = float(np.sum(slope**2))
+    lag_s = float(np.sum((by_imu - by_velocity) * slope)) / power if power > 0.0 else 0.0
+    by_velocity = by_velocity + lag_s * slope
     found = []
-    for i, axis in enumerate(AXES):
-        apart = _size(by_velocity[i] - by_imu[i])
-        left = {name: _unexplained(own[i], by_thrust[i]) for name, own in (("velocity", by_velocity), ("imu", by_imu))}
-        odd, sound = max(left, key=left.__getitem__), min(left.values())
-        if apart > max(NOTABLE_M_S2, 0.5 * ODD * sound) and left[odd] > ODD * sound:
-            found.append(Disagreement(axis, apart, odd))
+    for axes, here, beside in ((ACROSS, slice(0, 2), speed[:2]), (ALONG, slice(2, 3), speed[:0])):
+        apart = (by_velocity - by_imu)[here]
+        # Both the mean square of the noise and that of what holds it are of so many independent values.
+        most = float(noise[here].sum()) * (1.0 + SIGMA * np.sqrt(4.0 * (2 * SMOOTHED_STEPS + 1) / apart.size))
+        left = {
+            "imu": _size(_beside(by_imu[here], by_thrust[here], beside), most),
+            "velocity": _size(_beside(by_velocity[here], by_thrust[here], beside), 0.0),
+        }
+        odd, sound, size = max(left, key=left.__getitem__), min(left.values()), _size(apart, most)
+        if size > max(NOTABLE_M_S2, 0.5 * ODD * sound) and left[odd] > ODD * sound:
+            found.append(Disagreement(axes, size, "attitude" if (odd, axes) == ("velocity", ACROSS) else odd))
     return found
 
 
@@ -65,43 +85,31 @@ def disagreement_findings(found: list[Disagreement]) -> list[Finding]:
     """Findings, one for each odd channel."""
     told = []
     for odd in dict.fromkeys(one.odd for one in found):
-        own = [one for one in found if one.odd == odd]
-        told.append(
-            finding(
-                Kind.WITNESSES_DISAGREE,
-                odd=odd,
-                axes=[one.axis for one in own],
-                difference_m_s2=[one.difference_m_s2 for one in own],
-            )
-        )
+        each = [(axis, one.difference_m_s2) for one in found if one.odd == odd for axis in one.axes]
+        axes, sizes = zip(*each, strict=True)
+        told.append(finding(Kind.WITNESSES_DISAGREE, odd=odd, axes=list(axes), difference_m_s2=list(sizes)))
     return told
 
 
 def _pieces(log: FlightLog, drive: Floats | None, flight: Span) -> tuple[Floats, ...]:
-    """Acceleration of one flight by velocity, by accelerometer and by thrust, and the three axes of the body, in the
-    world, without slow changes, shape (3, n) each."""
+    """Force over mass of one flight by accelerometer, by velocity and by thrust, the slope of that by velocity, and the
+    velocity: forward, right and down, without slow changes, shape (3, n) each. The accelerometer's is without its
+    offset, which is constant in the body."""
     grid = np.arange(flight[0], flight[1], STEP_S)
-    velocity = np.array([on_clock(grid, log, name) for name in VELOCITY])
-    angles = (np.radians(on_clock(grid, log, name, unwrap=True)) for name in ATTITUDE)
-    attitude = quaternion_from_euler(*angles)
-    force = (_mean_on(grid, log, name) for name in IMU)
-    north, east, down = rotate(attitude, (next(force), next(force), next(force)))
-    by_imu = np.array([north, east, -np.asarray(down)])
-    by_velocity = np.gradient(velocity, STEP_S, axis=1)
+    roll, pitch, yaw = (np.radians(on_clock(grid, log, name, unwrap=True)) for name in ATTITUDE)
+    heading, lean = quaternion_from_euler(0.0 * yaw, 0.0 * yaw, yaw), quaternion_from_euler(roll, pitch, 0.0 * yaw)
+    north, east, up = (on_clock(grid, log, name) for name in VELOCITY)
+    velocity = np.array([north, east, -up])
+    acceleration = np.gradient(velocity, STEP_S, axis=1)
+    jerk = np.gradient(acceleration, STEP_S, axis=1)
+    force = acceleration - np.array([[0.0], [0.0], [GRAVITY_M_S2]])
+    by_velocity, slope, speed = (np.array(rotate_inverse(heading, tuple(one))) for one in (force, jerk, velocity))
+    read = np.array([_mean_on(grid, log, name, log.updates(name)) for name in IMU])
+    read -= np.mean(read - np.array(rotate_inverse(lean, tuple(by_velocity))), axis=1, keepdims=True)
     push = np.ones(len(grid)) if drive is None else np.interp(grid, log.time_s, np.nan_to_num(drive))
-    north, east, down = rotate(attitude, (0.0, 0.0, -1.0))
-    by_thrust = push * np.array([north, east, -np.asarray(down)]) * (GRAVITY_M_S2 / max(float(np.median(push)), 1e-9))
-    body = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
-    axes = [np.array([n, e, -np.asarray(d)]) for n, e, d in (rotate(attitude, axis) for axis in body)]
-    return tuple(_quick(values) for values in (by_velocity, by_imu, by_thrust, *axes))
-
-
-def _without_offset(by_imu: Floats, by_velocity: Floats, of_body: list[Floats]) -> Floats:
-    """Acceleration by an accelerometer without its offset, which is constant in the body and turns with it in the
-    world, shape (3, n); `of_body` are the axes of the body, shape (3, n) each."""
-    columns = np.column_stack([axis.ravel() for axis in of_body])
-    offset = np.linalg.lstsq(columns, (by_imu - by_velocity).ravel(), rcond=None)[0]
-    return by_imu - np.tensordot(offset, np.array(of_body), axes=1)
+    thrust = push * (-GRAVITY_M_S2 / max(float(np.median(push)), 1e-9))
+    by_imu, by_thrust = (np.array(rotate(lean, tuple(one))) for one in (read, (0.0 * thrust, 0.0 * thrust, thrust)))
+    return tuple(_quick(values) for values in (by_imu, by_velocity, by_thrust, slope, speed))
 
 
 def _quick(values: Floats) -> Floats:
@@ -109,22 +117,39 @@ def _quick(values: Floats) -> Floats:
     return smooth - averaged(smooth, round(0.5 * SLOW_S / STEP_S))
 
 
-def _mean_on(grid: Floats, log: FlightLog, name: str) -> Floats:
-    """Mean of a fast channel between the times of a clock."""
-    rows = log.updates(name)
+def _gaps(log: FlightLog) -> list[Span]:
+    """Times without samples of the accelerometer that are as long as the filter sees."""
+    time_s = log.time_s[log.updates(*IMU)]
+    return [(float(a), float(b)) for a, b in pairwise(time_s) if b - a > SMOOTHED_STEPS * STEP_S]
+
+
+def _noise(log: FlightLog, flight: Span) -> Floats:
+    """Mean square of each axis that noise of single samples leaves of the accelerometer, shape (3,): every other sample
+    tells the same motion."""
+    grid = np.arange(flight[0], flight[1], STEP_S)
+    rows = [log.updates(name) for name in IMU]
+    halves = [np.array([_mean_on(grid, log, n, r[i::2]) for n, r in zip(IMU, rows, strict=True)]) for i in (0, 1)]
+    return np.asarray(np.mean(_quick(0.5 * (halves[0] - halves[1])) ** 2, axis=1))
+
+
+def _mean_on(grid: Floats, log: FlightLog, name: str, rows: NDArray[np.intp]) -> Floats:
+    """Mean of some samples of a fast channel between the times of a clock."""
     time_s = log.time_s[rows]
     sums = integral(time_s, log[name][rows])
     edges = np.concatenate([grid - 0.5 * STEP_S, [grid[-1] + 0.5 * STEP_S]])
     return np.asarray(np.diff(np.interp(edges, time_s, sums)) / STEP_S)
 
 
-def _unexplained(values: Floats, by_thrust: Floats) -> float:
-    """Root mean square that the third witness leaves, by the gain that fits best; near 1, as the drive that carries the
-    weight is known: drag takes some of a motion away, and a thrust line may have another slope."""
-    power = float(by_thrust @ by_thrust)
-    gain = float(np.clip(values @ by_thrust / power, *GAINS)) if power > 0.0 else 1.0
-    return _size(values - gain * by_thrust)
+def _beside(values: Floats, by_thrust: Floats, speed: Floats) -> Floats:
+    """What the thrust and a drag by `speed` leave of a force, shape (axes, n) each, by the gain of the thrust that fits
+    best; near 1, as the drive that carries the weight is known, but a thrust line may have another slope."""
+    x = speed.T
+    values, thrust = ((one.T - x @ np.linalg.lstsq(x, one.T, rcond=None)[0]).T for one in (values, by_thrust))
+    power = float(np.vdot(thrust, thrust))
+    gain = float(np.clip(np.vdot(values, thrust) / power, *GAINS)) if power > 0.0 else 1.0
+    return np.asarray(values - gain * thrust)
 
 
-def _size(values: Floats) -> float:
-    return float(np.sqrt(np.mean(values**2)))
+def _size(values: Floats, noise: float) -> float:
+    """Root mean square of a vector, shape (axes, n), beside a noise of this mean square."""
+    return float(np.sqrt(max(np.mean(np.sum(values**2, axis=0)) - noise, 0.0)))

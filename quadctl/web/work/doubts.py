@@ -6,10 +6,9 @@ from enum import unique
 from quadctl.flight.autopilot.firmwares import FIRMWARES
 from quadctl.lab.comparison.wording import sentence
 from quadctl.lab.flights.preparation import BANDWIDTH_PER_UPDATE_RATE, MAX_BANDWIDTH_HZ
-from quadctl.logs.findings import Kind, of_kind
+from quadctl.logs.findings import Kind, of_kind, worded
 from quadctl.logs.flight_log import FlightLog
 from quadctl.logs.quality import QualityReport
-from quadctl.logs.words import worded
 from quadctl.vehicle import Vehicle
 from quadctl.words import Fact, Kinds, When, fact
 

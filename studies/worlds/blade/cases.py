@@ -13,7 +13,7 @@ from studies.worlds.blade.logs import Recorder, draw_recorder
 from studies.worlds.blade.missions import Demand, plan
 from studies.worlds.blade.rotors import hover_induced_velocity
 from studies.worlds.blade.sensors import Suite, draw_suite
-from studies.worlds.blade.sizes import DRAWS
+from studies.worlds.blade.sizes import draw
 from studies.worlds.blade.vehicles import GRAVITY, RPM, Vehicle, draw_vehicle
 
 SMALL, MIDDLE, LARGE = (0.03, 0.25), (0.5, 2.2), (2.2, 10.0)
@@ -120,7 +120,7 @@ def draw_case(recipe: Recipe, seed: int, attempt: int, strength: float, duration
     demands = tuple(_demand(rng, recipe, vehicle, shape) for shape in recipe.shapes)
     if duration is not None:
         demands = tuple(replace(demand, duration=duration) for demand in demands)
-    drawn = [DRAWS[family](rng, form, vehicle, demands[0]).at(strength) for family, form in recipe.hidden]
+    drawn = [draw(rng, family, form, vehicle, demands[0]).at(strength) for family, form in recipe.hidden]
     recorder = draw_recorder(rng, vehicle.hover_speed * RPM, recipe.rotor_rates)
     if "battery_sag" in families:
         recorder = replace(recorder, battery=True)

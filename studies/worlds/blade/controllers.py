@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from studies.worlds.blade.rotation import Array, conjugate, cross, from_axes, matrix, multiply, to_vector
+from studies.worlds.blade.rotation import Array, conjugate, from_axes, matrix, multiply, to_vector
 from studies.worlds.blade.vehicles import GRAVITY
 
 CASCADE, GEOMETRIC, PERSON = 0, 1, 2
@@ -128,7 +128,7 @@ class Pilots:
         self._rate_sum = np.clip(self._rate_sum + 0.3 * self._attitude * rate_error * step, -2.5, 2.5)
         weight = self._rate * np.array([1.0, 1.0, 0.5])
         angular = weight * (rate_error + self._rate_sum)
-        moment = self._inertia * angular + np.where(self._geometric, cross(rates, self._inertia * rates), 0.0)
+        moment = self._inertia * angular + np.where(self._geometric, np.cross(rates, self._inertia * rates), 0.0)
         demand = np.concatenate([self.thrust[:, None], moment], axis=-1)
         # Yaw gives way first where a rotor would saturate, as in PX4's mixer.
         without = (self._mixer[:, :, :3] @ demand[:, :3, None])[..., 0]

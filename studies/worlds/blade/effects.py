@@ -15,6 +15,8 @@ from studies.worlds.blade.rotors import Blades, thrust_ratio, thrust_ratio_reduc
 from studies.worlds.blade.vehicles import GRAVITY
 
 Values = Mapping[str, Array]
+CONSTANT = {"anchor_m", "decay", "free_m", "moment_s", "rotor"}
+"""Values that do not grow with the strength."""
 
 
 @dataclass(frozen=True)
@@ -24,16 +26,14 @@ class Effect:
     family: str
     form: str
     values: dict[str, float | list[float]]
-    sizes: dict[str, float]
-    """Power of the strength by which each value grows; 0 for those that are not named."""
+    powers: Mapping[str, float] = field(default_factory=dict)
+    """Power of the strength by which each value grows; for those that are not named 1, or 0 for `CONSTANT` ones."""
 
     def at(self, strength: float) -> "Effect":
         """Same effect at another strength."""
-        values = {
-            name: np.multiply(value, strength ** self.sizes[name]).tolist() if name in self.sizes else value
-            for name, value in self.values.items()
-        }
-        return Effect(self.family, self.form, values, self.sizes)
+        powers = {name: self.powers.get(name, float(name not in CONSTANT)) for name in self.values}
+        values = {name: np.multiply(value, strength ** powers[name]).tolist() for name, value in self.values.items()}
+        return Effect(self.family, self.form, values, self.powers)
 
 
 @dataclass

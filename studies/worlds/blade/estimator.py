@@ -58,8 +58,7 @@ class Filter:
         acceleration[:, 2] += GRAVITY
         self.position = self.position + self.velocity * step + 0.5 * step * step * acceleration
         self.velocity = self.velocity + acceleration * step
-        attitude = multiply(self.attitude, from_vector(step * rate))
-        self.attitude = attitude / np.sqrt((attitude**2).sum(-1, keepdims=True))
+        self.attitude = multiply(self.attitude, from_vector(step * rate))
         self._angle_sum, self._accel_sum, self._sums = self._angle_sum + rate, self._accel_sum + force, self._sums + 1
         self.memory.push(self.attitude, self.velocity, self.position)
         return middle

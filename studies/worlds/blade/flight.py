@@ -11,16 +11,7 @@ from studies.worlds.blade.effects import Change, Effect, Ensemble, Situation
 from studies.worlds.blade.estimator import Filter
 from studies.worlds.blade.missions import SETTLE, STEP, Reference
 from studies.worlds.blade.power import Battery, open_loop_speed, open_voltage
-from studies.worlds.blade.rotation import (
-    Array,
-    cross,
-    from_axes,
-    from_vector,
-    matrix,
-    multiply,
-    rotate,
-    rotate_back,
-)
+from studies.worlds.blade.rotation import Array, from_axes, from_vector, matrix, multiply, rotate, rotate_back
 from studies.worlds.blade.rotors import Blades, hover_induced_velocity
 from studies.worlds.blade.sensors import CHANNELS, Sensors, Suite
 from studies.worlds.blade.vehicles import GRAVITY, LARGEST_ROTORS, Vehicle
@@ -371,12 +362,11 @@ class World:
         acceleration = (rotate(rotation, body) + change.world) / mass[:, None] + self.light_force
         acceleration[:, 2] += GRAVITY
         moment = change.moment + self._moments(thrusts, ideal)
-        angular = (moment - cross(self.rates, self.inertia * self.rates)) / self.inertia
+        angular = (moment - np.cross(self.rates, self.inertia * self.rates)) / self.inertia
         self.effect_moment = change.moment + self._moments(thrusts - ideal, 0.0 * ideal)
         middle = self.rates + 0.5 * step * angular
         self.rates = self.rates + step * angular
-        attitude = multiply(self.attitude, from_vector(step * middle))
-        self.attitude = attitude / np.sqrt((attitude**2).sum(-1, keepdims=True))
+        self.attitude = multiply(self.attitude, from_vector(step * middle))
         self.position = self.position + step * self.velocity + 0.5 * step * step * acceleration
         self.velocity = self.velocity + step * acceleration
         self.acceleration = acceleration

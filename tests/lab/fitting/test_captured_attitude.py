@@ -29,6 +29,7 @@ from quadctl.lab.flights.prediction import predict, predict_targets
 from quadctl.lab.selection.diagnosis import Diagnosis, diagnose
 from quadctl.logs.columns import rpm_columns
 from quadctl.logs.findings import Kind as RecordKind
+from quadctl.logs.findings import of_kind
 from quadctl.logs.flight_log import ATTITUDE, IMU, FlightLog
 from quadctl.model import Model
 from quadctl.vehicle import Vehicle
@@ -153,12 +154,22 @@ class TestForceByTheAccelerometer:
         assert flight.trajectory is None and flight.sensed is not None
         assert np.abs(flight.measured - flight.sensed).max() > 1e-3
 
+    def test_an_attitude_that_is_off_by_place_does_not_forbid_it(self, raptor: Vehicle) -> None:
+        log = runs(raptor, 0.0)
+        wrong = 2.0 * np.sin(log["x_m"] / 0.4 + 0.3)
+        log = replace(log, columns=log.columns | {"pitch_deg": log["pitch_deg"] + wrong})
+        (flight,) = load_dataset([log], raptor).flights
+        assert [f.figures["odd"] for f in of_kind(flight.findings, RecordKind.WITNESSES_DISAGREE)] == ["attitude"]
+        assert flight.tells_force and flight.doubted_axes == ()
+
     def test_where_the_velocity_is_doubted_along_an_axis_a_bias_is_found_nevertheless(self, raptor: Vehicle) -> None:
         """The velocity east swings by itself; the accelerometer reads 0.5 m/s^2 too much to the right."""
         log = flown(raptor, UPRIGHT, {})
         wrong = log["vy_m_s"] + 0.2 * np.sin(1.3 * log.time_s)
         log = replace(log, columns=log.columns | {"imu_y_m_s2": log["imu_y_m_s2"] + 0.5, "vy_m_s": wrong})
-        (flight,) = (flight.by_accelerometer((1,)) for flight in load_dataset([log], raptor).flights)
+        (flight,) = load_dataset([log], raptor).flights
+        assert flight.doubted_axes == (0, 1)
+        flight = replace(flight, measured=flight.motion, trajectory=None, doubted_axes=()).by_accelerometer((1,))
         assert flight.doubted_axes == (1,) and not flight.tells_force
         later = flight.with_velocity_lag(0.03)
         for one in (flight, later):

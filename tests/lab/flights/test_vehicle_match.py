@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from quadctl.lab.flights.vehicle_match import Mismatch, motion_problem, weight_doubt
-from quadctl.logs.words import worded
+from quadctl.logs.findings import worded
 from quadctl.vehicle import Vehicle
 
 

@@ -57,21 +57,21 @@ class Truth:
         return VEHICLE.weight_n * ARM_M / self.inertia[axis]
 
 
-def flights(truth: Truth, seeds: int, seconds: float, first: int = 0) -> list[Record]:
-    """One flight for each seed."""
+def flights(truth: Truth, seeds: int, seconds: float, first: int = 0, *, log_every: int = LOG_EVERY) -> list[Record]:
+    """One flight for each seed, with every so many steps in the log."""
     random = [np.random.default_rng(first + s) for s in range(seeds)]
     n = round(seconds / STEP_S)
     # Drawn for each flight apart, so that a flight does not depend on how many are flown.
     drawn = np.stack([r.standard_normal((n, 19)) for r in random], axis=2)
     phase = np.array([r.uniform(0.0, 2.0 * np.pi, 3) for r in random]).T
-    return _flown(truth, drawn, phase)
+    return _flown(truth, drawn, phase, log_every)
 
 
-def _flown(truth: Truth, drawn: Floats, phase: Floats) -> list[Record]:  # noqa: PLR0915
+def _flown(truth: Truth, drawn: Floats, phase: Floats, log_every: int) -> list[Record]:  # noqa: PLR0915
     n, _, seeds = drawn.shape
     share, inertia = np.array(truth.rotor_share)[:, None], np.array(truth.inertia)[:, None]
     arms = np.array(VEHICLE.moment_arms_m).T
-    mix = np.sign(arms).T
+    mix, about_yaw = np.sign(arms).T, np.diag([0.0, 0.0, 1.0]) @ arms
     position, velocity, rates = np.zeros((3, seeds)), np.zeros((3, seeds)), np.zeros((3, seeds))
     q = np.vstack([np.ones(seeds), np.zeros((3, seeds))])
     hover = 0.6
@@ -108,27 +108,28 @@ def _flown(truth: Truth, drawn: Floats, phase: Floats) -> list[Record]:  # noqa:
         change = (1.0 - np.exp(-STEP_S / truth.lag_s)) * (steady - thrust)
         thrust = thrust + change
         force = np.array([-truth.drag_1_s[0] * air[0], -truth.drag_1_s[1] * air[1], -thrust.sum(0) / 0.9])
-        if k % LOG_EVERY == 0:
+        if k % log_every == 0:
             seen = rates + GYRO_RAD_S * white[6:9]
             noise = np.array([[0.08], [0.08], [0.2]]) * white[13:16]
             logged.append((seen, waiting[-1], force + noise + 0.05, body + 0.005 * white[16:19]))
-        reaction = np.diag([0.0, 0.0, 1.0]) @ arms @ change * truth.lead_s / STEP_S
+        reaction = about_yaw @ change * truth.lead_s / STEP_S
         torque = (arms @ thrust + reaction) / inertia + np.array(
             [-truth.airspeed * air[1], truth.airspeed * air[0], 0.0 * air[0]]
         )
         angular = torque + moment - truth.damping_1_s * rates
-        angular -= np.cross(rates.T, (inertia * rates).T).T / inertia
+        (roll, pitch, yaw), (ix, iy, iz) = rates, inertia
+        angular -= np.array([(iz - iy) * pitch * yaw, (ix - iz) * yaw * roll, (iy - ix) * roll * pitch]) / inertia
         world = np.array(rotate(tuple(q), tuple(force)))
         position, velocity = position + STEP_S * velocity, velocity + STEP_S * (world + _DOWN)
         q = q + 0.5 * STEP_S * _turned(q, rates)
         q /= np.linalg.norm(q, axis=0)
         rates = rates + STEP_S * angular
-    start = round(3.0 / (STEP_S * LOG_EVERY))
+    start = round(3.0 / (STEP_S * log_every))
     columns = [np.array(c)[start:] for c in zip(*logged, strict=True)]
     made = []
     for s in range(seeds):
         seen, drive, force, airspeed = (c[:, :, s] for c in columns)
-        made.append(Record(f"flight {s}", STEP_S * LOG_EVERY, seen, drive, None, force, False, airspeed))
+        made.append(Record(f"flight {s}", STEP_S * log_every, seen, drive, None, force, False, airspeed))
     return made
 
 

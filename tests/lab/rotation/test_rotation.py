@@ -222,9 +222,9 @@ class TestInClosedLoop:
         assert json.loads(json.dumps(told.to_dict()))["drag"] == {}
 
     def test_imu_and_commands_alone_tell_gain_and_lag(self, records: list[Record]) -> None:
-        alone = [replace(r, airspeed=None) for r in records]
+        found = fit_rotation([replace(r, airspeed=None) for r in records], VEHICLE)
         for i, axis in enumerate(("roll", "pitch")):
-            told = fit_rotation(alone, VEHICLE).told(axis)
+            told = found.told(axis)
             assert told["gain"].low < TRUTH.gain(i) < told["gain"].high
             assert told["lag_s"].low < TRUTH.lag_s < told["lag_s"].high
 
@@ -261,13 +261,26 @@ class TestInClosedLoop:
         with pytest.raises(SettingsError, match="nothing of the rotation is identified"):
             with_rotation(Model(VEHICLE), replace(replaced(slope=Value(1.0, -1.0, 3.0)), centre_m={}))
 
+    def test_a_damping_that_may_be_a_disturbance_of_short_memory_is_not_told(self, found: Rotation) -> None:
+        fit = found.axes["yaw"]
+        for memory, at_bound, own in (
+            (-1.5, {"log_slow_s"}, False),
+            (-1.5, {"log_slow_s", "log_slow"}, True),  # there is no such disturbance
+            (3.0, {"log_slow_s"}, True),
+        ):
+            values = fit.values | {"log_slow_s": Value(memory, memory - 1.0, memory + 1.0)}
+            short = replace(fit, values=values, at_bound=frozenset(at_bound))
+            told = replace(found, axes=found.axes | {"yaw": short}).told("yaw")
+            assert ("damping_1_s" in told) == own and "slope" in told
+
     @pytest.mark.long
     @pytest.mark.timeout(3000)
-    def test_intervals_of_forty_flights_hold_the_truth(self) -> None:
+    @pytest.mark.parametrize("log_every", [2, 5])
+    def test_intervals_of_forty_flights_hold_the_truth(self, log_every: int) -> None:
         """Those that are told, as often as 95 % intervals do, but for one chance in a thousand for each parameter; and
         nearly every flight tells every one."""
         held: dict[str, list[bool]] = {}
-        for record in flights(TRUTH, 40, 63.0):
+        for record in flights(TRUTH, 40, 63.0, log_every=log_every):
             rotation = fit_rotation([record], VEHICLE)
             pairs = []
             for i, axis in enumerate(("roll", "pitch")):
@@ -276,9 +289,10 @@ class TestInClosedLoop:
                 told = rotation.told(axis)
                 pairs += [(name, told[name], true) for name, true in truth.items() if name in told]
                 pairs.append(("drag", rotation.drag[f"d_{'xy'[i]}"].values["drag_1_s"], TRUTH.drag_1_s[i]))
+                pairs += [("inertia", rotation.inertia[axis], TRUTH.inertia[i])] if axis in rotation.inertia else []
             for name, value, true in pairs:
                 held.setdefault(name, []).append(value.low <= true <= value.high)
-        assert min(map(len, held.values())) >= 60 and len(held) == 5
+        assert min(map(len, held.values())) >= 60 and len(held) == 6
         least = {name: binom.ppf(0.001, len(of), 0.95) for name, of in held.items()}
         assert all(sum(of) >= least[name] for name, of in held.items()), {n: np.mean(of) for n, of in held.items()}
 
@@ -350,20 +364,28 @@ SIH = DATA / "px4"
 
 
 @pytest.mark.skipif(not SIH.is_dir(), reason="the logs of PX4 are not here")
-def test_the_command_tells_the_drag_of_the_simulator_and_no_more_than_was_flown(
+def test_the_command_tells_the_drag_of_the_simulator_and_forecasts_what_no_fit_saw(
     quadctl: Callable[..., Result], tmp_path: Path
 ) -> None:
-    """PX4's SIH has a drag of 1.0 1/s; the runs were along x alone."""
+    """PX4's SIH has a drag of 1.0 1/s; the runs were along x alone. Each half of the flight is rolled out by a fit of
+    the other."""
     out = tmp_path / "rotation.json"
-    shown = quadctl("rotation", str(SIH / "sih_quadx.yaml"), str(SIH / "B_forward.ulg"), "--json", str(out))
+    shown = quadctl(
+        "rotation", str(SIH / "sih_quadx.yaml"), str(SIH / "B_forward.ulg"), "--rollouts", "--json", str(out)
+    )
     assert shown.status == 0, shown.err
     found = json.loads(out.read_text())
+    models = found.pop("rollouts")
     low, high = found["drag"]["d_x"]["ci95"]
     assert low < 1.0 < high < 1.2
     assert "d_y" not in found["drag"]
     from_python = identify_rotation(SIH / "sih_quadx.yaml", SIH / "B_forward.ulg")
     assert json.loads(json.dumps(from_python.to_dict())) == found
     assert "d_x = " in shown.out
+    for quantity in ("velocity_m_s", "rotation_rad", "rates_rad_s"):
+        stayed, told = (models[model]["0.5"][quantity] for model in ("held", "forecast"))
+        assert told["ci95"][1] < 0.7 * stayed["ci95"][0], quantity
+    assert set(models["forecast"]) == {"0.01", "0.1", "0.5", "2"}
 
 
 @pytest.mark.skipif(not SIH.is_dir(), reason="the logs of PX4 are not here")
@@ -392,19 +414,3 @@ def test_a_log_of_px4_without_position_tells_its_hover_throttle_and_what_it_cann
 def test_a_log_of_other_rotors_than_the_vehicles_is_refused(quadctl: Callable[..., Result]) -> None:
     refused = quadctl("rotation", str(ROOT / "config/vehicles/f550.yaml"), str(SIH / "B_forward.ulg"))
     assert refused.status == 1 and "has the outputs of 4 motors, expected 6 as the vehicle" in refused.err
-
-
-@pytest.mark.skipif(not SIH.is_dir(), reason="the logs of PX4 are not here")
-def test_rollouts_of_the_half_of_a_flight_that_no_fit_saw_are_better_than_a_held_state(
-    quadctl: Callable[..., Result], tmp_path: Path
-) -> None:
-    out = tmp_path / "rotation.json"
-    shown = quadctl(
-        "rotation", str(SIH / "sih_quadx.yaml"), str(SIH / "B_forward.ulg"), "--rollouts", "--json", str(out)
-    )
-    assert shown.status == 0, shown.err
-    models = json.loads(out.read_text())["rollouts"]
-    for quantity in ("velocity_m_s", "rotation_rad", "rates_rad_s"):
-        stayed, told = (models[model]["0.5"][quantity] for model in ("held", "forecast"))
-        assert told["ci95"][1] < 0.7 * stayed["ci95"][0], quantity
-    assert set(models["forecast"]) == {"0.01", "0.1", "0.5", "2"}

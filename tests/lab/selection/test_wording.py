@@ -63,6 +63,7 @@ class TestReasonAgainst:
     @pytest.mark.parametrize(
         ("change", "kind"),
         [
+            ({"fitted": False}, Kind.NOT_FITTED),
             ({"p_value": 0.3}, Kind.NOT_SIGNIFICANT),
             ({"determined": False}, Kind.UNDETERMINED),
             ({"at_bound": True}, Kind.AT_BOUND),

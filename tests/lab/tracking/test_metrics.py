@@ -15,9 +15,9 @@ from quadctl.lab.tracking.metrics import Note, Window, metrics
 from quadctl.lab.tracking.rendering import render
 from quadctl.lab.tracking.steps import only_step
 from quadctl.logs.contradictions import contradictions
+from quadctl.logs.findings import worded
 from quadctl.logs.flight_log import FlightLog, Floats
 from quadctl.logs.read import read_logs
-from quadctl.logs.words import worded
 from quadctl.words import fact
 from tests.support.places import DATA
 

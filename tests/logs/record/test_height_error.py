@@ -6,10 +6,9 @@ import numpy as np
 import pytest
 
 from quadctl.frames import quaternion_from_euler, rotate_inverse
-from quadctl.logs.findings import Kind, of_kind
+from quadctl.logs.findings import Kind, of_kind, worded
 from quadctl.logs.flight_log import ATTITUDE, IMU, VELOCITY, FlightLog, Floats
 from quadctl.logs.record.record import examine
-from quadctl.logs.words import worded
 from tests.support.flights import flown_once
 
 COEFFICIENTS = (1.1, 0.8, -0.7, 1.3)

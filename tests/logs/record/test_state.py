@@ -279,6 +279,41 @@ def test_an_accelerometer_that_follows_neither_velocity_nor_thrust_is_the_odd_wi
     assert not any(name in record.log.columns for name in IMU)
 
 
+def test_an_attitude_that_is_off_by_place_is_the_odd_witness(excited: FlightLog) -> None:
+    """It turns accelerometer and thrust alike: across the thrust these two agree, in the body."""
+    off = added(added(excited, "roll_deg", 2.0 * np.sin(excited["x_m"] / 0.8 + 0.4)), "pitch_deg", 1.3)
+    record = examine(added(off, "pitch_deg", 2.0 * np.cos(excited["y_m"] / 0.6 + excited["x_m"])))
+    (odd,) = of_kind(record.findings, Kind.WITNESSES_DISAGREE)
+    assert odd.figures["odd"] == "attitude"
+    assert record.velocity_doubted == ("north", "east")
+    assert all(name in record.log.columns for name in IMU)
+
+
+@pytest.mark.parametrize("lag_s", [0.06, 0.14])
+def test_a_velocity_that_lags_is_no_disagreement(excited: FlightLog, lag_s: float) -> None:
+    share, late = 1.0 - np.exp(-np.diff(excited.time_s) / lag_s), {}
+    for name in VELOCITY:
+        late[name] = excited[name].copy()
+        for i, part in enumerate(share, start=1):
+            late[name][i] = late[name][i - 1] + part * (excited[name][i] - late[name][i - 1])
+    assert Kind.WITNESSES_DISAGREE not in kinds(having(excited, **late))
+
+
+@pytest.mark.parametrize(("every", "size_m_s2", "gap_s"), [(5, 0.8, 0.0), (2, 1.5, 0.9)])
+def test_vibration_is_no_disagreement_and_hides_none(
+    excited: FlightLog, every: int, size_m_s2: float, gap_s: float
+) -> None:
+    random = np.random.default_rng(3)
+    log = excited.rows(slice(None, None, every))
+    for name in IMU:
+        log = added(log, name, size_m_s2 * random.standard_normal(len(log)))
+    assert Kind.WITNESSES_DISAGREE not in kinds(log.rows(log.time_s % 17.0 >= gap_s))
+    (odd,) = of_kind(
+        examine(added(log, "imu_z_m_s2", 2.0 * np.sin(0.9 * log.time_s))).findings, Kind.WITNESSES_DISAGREE
+    )
+    assert odd.figures["odd"] == "imu"
+
+
 def test_an_offset_of_the_accelerometer_is_no_disagreement(excited: FlightLog) -> None:
     assert Kind.WITNESSES_DISAGREE not in kinds(added(added(excited, "imu_x_m_s2", 0.4), "imu_z_m_s2", -0.3))
 
