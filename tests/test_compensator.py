@@ -15,7 +15,7 @@ from quadctl.effects.ground_effect import Cheeseman, Exponential, Hayden, Sanche
 from quadctl.effects.inflow import AxialInflow
 from quadctl.effects.motor_lag import FirstOrderLag
 from quadctl.effects.rotor_drag import LinearDrag
-from quadctl.effects.rotor_fault import WeakRotor
+from quadctl.effects.rotor_fault import UnequalRotors, WeakRotor
 from quadctl.effects.thrust_curve import PowerCurve
 from quadctl.effects.thrust_scale import ConstantScale
 from quadctl.effects.thrust_tilt import FixedTilt
@@ -152,6 +152,11 @@ def test_in_a_wind_the_lift_is_that_of_the_air(raptor: Vehicle) -> None:
     # Hover in a wind of v_h = 5.807795 m/s: half of the gain.
     turned = compensator(raptor, HorizontalLift(0.3), SteadyWind(-5.807795, 0.0))
     assert turned(state(), 0.0, WEIGHT_N).thrust_ratio == pytest.approx(1.15, abs=1e-6)
+
+
+def test_unequal_rotors_are_left_to_the_rate_controller(raptor: Vehicle) -> None:
+    unequal = compensator(raptor, UnequalRotors.of({1: 0.93, 2: 1.04, 4: 1.05}))
+    assert unequal(state(), 0.0, 1.2 * WEIGHT_N) == (pytest.approx(1.0), (0, 0, 0), 1.0)
 
 
 def test_a_weak_rotor_is_made_up_for_by_all(raptor: Vehicle) -> None:

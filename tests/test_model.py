@@ -1,6 +1,7 @@
 """A model predicts acceleration with the right signs, and comes back from its file as it was."""
 
 import math
+import pickle
 from pathlib import Path
 
 import numpy as np
@@ -12,7 +13,7 @@ from quadctl.effects.body_drag import QuadraticDrag
 from quadctl.effects.ground_effect import Exponential, Sanchez
 from quadctl.effects.ground_torque import Levelling
 from quadctl.effects.rotor_drag import LinearDrag
-from quadctl.effects.rotor_fault import WeakRotor
+from quadctl.effects.rotor_fault import UnequalRotors, WeakRotor
 from quadctl.effects.thrust_scale import ConstantScale
 from quadctl.effects.thrust_tilt import FixedTilt
 from quadctl.effects.wind import SteadyWind
@@ -272,6 +273,13 @@ def test_effects_may_be_named_in_short(tmp_path: Path, raptor_path: Path) -> Non
         f"vehicle: {raptor_path}\neffects: [{{effect: sanchez, parameters: {{k_b: 1}}}}, {{effect: inflow}}]"
     )
     assert [e.name for e in load_model(path).effects] == ["ground_effect.sanchez", "inflow.axial"]
+
+
+def test_shares_of_the_rotors_come_back_from_a_file(tmp_path: Path, raptor: Vehicle) -> None:
+    unequal = UnequalRotors.of({1: 0.93, 4: 1.05})
+    save_model(Model(raptor).plus(unequal), tmp_path / "unequal.yaml")
+    (again,) = load_model(tmp_path / "unequal.yaml").effects
+    assert again == unequal == pickle.loads(pickle.dumps(unequal))
 
 
 @pytest.mark.parametrize("rotor", ["7", "1.5"])

@@ -86,6 +86,12 @@ UnseenOption = Annotated[
         help="A flight that no fit uses: the error on it is computed before and after. May be repeated.",
     ),
 ]
+RolloutsOption = Annotated[
+    bool,
+    typer.Option(
+        "--rollouts", help="Forecast the whole state from commands, on parts that no fit saw; takes a minute and more."
+    ),
+]
 JobsOption = Annotated[
     int,
     typer.Option("--jobs", metavar="N", min=1, help="Number of processes; useful with many logs."),
@@ -99,19 +105,29 @@ def compare(
     html: HtmlOption = None,
     sensors: SensorsOption = False,
     plot: PlotOption = None,
+    rollouts: RolloutsOption = False,
 ) -> None:
     """Tell how wrong a model is on flights, and where.
 
     The error of a regression on all logged variables is printed as a reference.
     """
     if sensors:
-        refuse_beside_sensors(html=html)
+        refuse_beside_sensors(html=html, rollouts=rollouts)
         compare_sensors(logs_among(files), json_out, plot)
         return
     model, logs = model_and_logs(files)
     study = _study(model, logs)
     result = study.compare()
-    _answer(result, study, json_out)
+    if rollouts:
+        from quadctl.lab.rotation import interface
+        from quadctl.lab.rotation.words import forecasts
+
+        with console.status("forecasting the whole state"):
+            unseen = interface.rollouts(study.model, logs)
+        _answer(result, study, json_out, rollouts=unseen.to_dict())
+        console.print(forecasts(unseen))
+    else:
+        _answer(result, study, json_out)
     _report(html, comparison=result)
 
 

@@ -7,7 +7,7 @@ import typer
 
 from quadctl.cli.app import app, console
 from quadctl.cli.inputs import find
-from quadctl.cli.lab import LogArguments
+from quadctl.cli.lab import LogArguments, RolloutsOption
 from quadctl.cli.output import JsonOption, print_saved, write_json
 from quadctl.cli.overwriting import Reads, Writes
 
@@ -18,10 +18,7 @@ def rotation(
         Path, Reads(), typer.Argument(metavar="VEHICLE.yaml", help="Vehicle file, for its rotors.", callback=find)
     ],
     logs: LogArguments,
-    rollouts: Annotated[
-        bool,
-        typer.Option("--rollouts", help="Test predictions of the whole state on held-out parts; needs a position."),
-    ] = False,
+    rollouts: RolloutsOption = False,
     json_out: JsonOption = None,
     output: Annotated[
         Path | None,

@@ -17,8 +17,9 @@ LEAST_MM = 2.0
 class FixedOffset(Effect):
     """A moment T_total (y, -x, 0): the thrust acts at the middle of the rotors, (x, y) off the centre of mass.
 
-    Rotors that are not alike make the same moments: one that is `loss` weak those of an offset of loss / n times its
-    arm. The lab takes either for a trim of the flight; `quadctl rotation` finds it in the rotors' mean commands.
+    Rotors that are not alike (`rotor_fault.unequal`) make the same moments, and one about yaw: one that is `loss` weak
+    those of an offset of loss / n times its arm. The lab takes either for a trim of the flight; `quadctl rotation`
+    finds it in the rotors' mean commands.
     """
 
     name: ClassVar[str] = "centre_of_mass.shifted"

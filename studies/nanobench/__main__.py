@@ -8,9 +8,9 @@ from pathlib import Path
 import numpy as np
 
 from quadctl.errors import LogError, QuadctlError
-from quadctl.lab.rotation.innovations import Value
 from quadctl.lab.rotation.parameters import Rotation, fit_rotation
-from quadctl.lab.rotation.rollout import HORIZONS_S
+from quadctl.lab.rotation.rollout_errors import HORIZONS_S
+from quadctl.lab.rotation.value import Value
 from quadctl.lab.rotation.words import ROWS
 from quadctl.logs.consistency import complaints
 from quadctl.logs.record.copies import without_copies

@@ -21,6 +21,7 @@ from quadctl.vehicle import Vehicle
 from tests.support.commands import Result
 from tests.support.flights import obedient
 from tests.support.places import ROOT
+from tests.support.rollouts import ROLLOUTS
 
 VEHICLE = str(ROOT / "config/vehicles/raptor.yaml")
 MISSION = str(ROOT / "missions/short_hop.yaml")
@@ -52,6 +53,18 @@ def one_sentence(result: Result, *words: str, status: int = 1) -> None:
 
 
 class TestCommands:
+    def test_compare_forecasts_the_whole_state_where_it_is_asked_to(
+        self, quadctl: Callable[..., Result], log: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        monkeypatch.setattr("quadctl.lab.rotation.interface.forecast_unseen", lambda logs, model: ROLLOUTS)
+        shown = quadctl("compare", VEHICLE, log, "--rollouts", "--json", tmp_path / "c.json")
+        assert shown.status == 0 and "Whole state from commands" in shown.out and "Held: " in shown.out
+        found = json.loads((tmp_path / "c.json").read_text())
+        assert found["rollouts"] == ROLLOUTS.to_dict() and found["flights"] == ["waves.csv"]
+        assert "rollouts" not in quadctl("compare", VEHICLE, log).out
+        both = quadctl("compare", log, "--sensors", "--rollouts")
+        assert both.status != 0 and "--rollouts" in both.err
+
     def test_compare_writes_the_contract(self, quadctl: Callable[..., Result], log: Path, tmp_path: Path) -> None:
         assert quadctl("compare", VEHICLE, log, "--json", tmp_path / "c.json").status == 0
         found = json.loads((tmp_path / "c.json").read_text())

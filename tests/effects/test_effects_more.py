@@ -31,6 +31,7 @@ from quadctl.effects.ground_effect import (
 from quadctl.effects.ground_effect_hexarotor import Hexarotor, HexarotorTilted
 from quadctl.effects.ground_effect_surfaces import Surfaces
 from quadctl.effects.rate_damping import ProportionalDamping
+from quadctl.effects.rotor_fault import UnequalRotors
 from quadctl.effects.rotor_reaction import InertialReaction
 from quadctl.effects.tether import HangingTether
 from quadctl.effects.thrust_scale import ConstantScale
@@ -302,6 +303,7 @@ def test_what_the_lab_never_proposes() -> None:
         ProportionalDamping,
         InertialReaction,
         FixedOffset,
+        UnequalRotors,
     }
 
 

@@ -27,7 +27,7 @@ from quadctl.effects.motor_lag import FirstOrderLag
 from quadctl.effects.payload import MassStep
 from quadctl.effects.rate_damping import ProportionalDamping
 from quadctl.effects.rotor_drag import LinearDrag
-from quadctl.effects.rotor_fault import FailingRotor, WeakRotor
+from quadctl.effects.rotor_fault import FailingRotor, UnequalRotors, WeakRotor
 from quadctl.effects.rotor_interaction import FrontWake
 from quadctl.effects.rotor_reaction import InertialReaction
 from quadctl.effects.tether import HangingTether
@@ -362,6 +362,38 @@ def test_a_weak_rotor_gives_less_thrust_and_turns_the_body(raptor: Vehicle) -> N
     # drives the body clockwise: 0.36774938 * (0.124, -0.124, -0.016)
     moment = Model(raptor).plus(weak).body_torque([HOVER_N] * 4, at())
     assert moment == pytest.approx((0.0456009, -0.0456009, -0.0058840), abs=1e-7)
+
+
+def test_unequal_rotors_share_what_is_left_and_turn_the_body_also_about_yaw(raptor: Vehicle) -> None:
+    """Rotors 2 and 4, which turn clockwise, have (4 - 0.93 - 1.04) / 2 = 1.015 each."""
+    unequal = UnequalRotors.of({3: 1.04, 1: 0.93})
+    assert unequal.values() == {"share_1": 0.93, "share_3": 1.04}
+    given_n = unequal.rotor_thrust([5.0, 6.0, 7.0, 8.0], at(), raptor)
+    assert given_n == pytest.approx([4.65, 6.09, 7.28, 8.12])
+    even_n = unequal.rotor_thrust([HOVER_N] * 4, at(), raptor)
+    assert sum(even_n) == pytest.approx(4.0 * HOVER_N)
+    # Rotor 1 front right, 3 front left or behind it: what the mean of the arms says of a centre of mass, but for yaw.
+    moment = Model(raptor).plus(unequal).body_torque([HOVER_N] * 4, at())
+    places = np.array([rotor.position_m[:2] for rotor in raptor.rotors])
+    forward_m, right_m = -(np.array(even_n) - HOVER_N) @ places / (4.0 * HOVER_N)
+    offset = FixedOffset(forward_mm=1e3 * forward_m, right_mm=1e3 * right_m)
+    shifted = Model(raptor).plus(offset).body_torque([HOVER_N] * 4, at())
+    assert moment[:2] == pytest.approx(shifted[:2]) and max(map(abs, moment[:2])) > 0.01
+    assert abs(moment[2]) > 1e-4 and shifted[2] == pytest.approx(0.0)
+
+
+def test_a_weak_rotor_beside_others_that_are_alike_is_one_of_unequal_rotors(raptor: Vehicle) -> None:
+    weak, scaled = WeakRotor(loss=0.1, rotor=2.0), 4.0 / 3.9
+    unequal = UnequalRotors.of({2: 0.9 * scaled})
+    thrust_n = [1.0, 2.0, 3.0, 4.0]
+    expected = [scaled * given_n for given_n in weak.rotor_thrust(thrust_n, at(), raptor)]
+    assert unequal.rotor_thrust(thrust_n, at(), raptor) == pytest.approx(expected)
+
+
+@pytest.mark.parametrize("shares", [{5: 0.9}, {1: 0.9, 2: 1.1, 3: 1.0, 4: 1.0}, {1: 2.0, 2: 2.0}])
+def test_shares_that_no_rotors_of_the_vehicle_have_are_refused(raptor: Vehicle, shares: dict[int, float]) -> None:
+    assert "expected those of at most 3 of the 4 rotors" in UnequalRotors.of(shares).mismatch(raptor)
+    assert UnequalRotors.of({1: 0.9, 2: 1.1, 4: 1.0}).mismatch(raptor) == ""
 
 
 def test_every_rotor_may_be_the_weak_one(raptor: Vehicle) -> None:

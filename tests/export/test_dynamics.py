@@ -23,6 +23,7 @@ from quadctl.effects.motor_lag import FirstOrderLag, lagged
 from quadctl.effects.payload import MassStep
 from quadctl.effects.per_flight import with_own_values
 from quadctl.effects.rotor_drag import LinearDrag
+from quadctl.effects.rotor_fault import UnequalRotors
 from quadctl.effects.thrust_map import LineMap
 from quadctl.effects.wind import SteadyWind, WindOfEachFlight
 from quadctl.export.dynamics import dynamics
@@ -137,7 +138,11 @@ def derivative(model: Model, x: Floats, nominal_n: Floats, p: Floats, thrust_rat
 
 MOVES = [0, 1, 2, 3, 4, 5, 10, 11, 12]
 """States whose derivatives the model predicts."""
-SPECIAL: list[type[Effect]] = [Surfaces.over(["turf", "gravel"]), with_own_values(WindOfEachFlight, [2])]
+SPECIAL: list[type[Effect]] = [
+    Surfaces.over(["turf", "gravel"]),
+    with_own_values(WindOfEachFlight, [2]),
+    type(UnequalRotors.of({1: 1.0, 3: 1.0})),
+]
 EVERY = pytest.mark.parametrize(
     "effect",
     [*CATALOG.values(), *SPECIAL],

@@ -9,7 +9,8 @@ import pytest
 from quadctl.errors import QuadctlError
 from quadctl.lab.rotation.records import Record
 from quadctl.lab.rotation.regression import CHANGED, COMMANDED, Features
-from quadctl.lab.rotation.rollout import HORIZONS_S, Track
+from quadctl.lab.rotation.rollout import Track
+from quadctl.lab.rotation.rollout_errors import HORIZONS_S
 from quadctl.lab.rotation.unseen import Flown
 from quadctl.vehicle import load_vehicle
 from studies.nanobench import nanodrone

@@ -353,6 +353,44 @@ def test_what_no_effect_explains_is_said_as_an_expression_that_can_be_added(
 
 
 @pytest.mark.long
+def test_forecasts_of_the_whole_state_are_computed_on_request_and_kept(
+    browser: Browser, session: Path, tmp_path: Path
+) -> None:
+    port, kept = free_tcp_port(), tmp_path / "lab" / "session.lab.yaml"
+    ask, held = "button:has-text('Forecast the whole state')", "#rollouts tr:has-text('0.5 s'):has-text('held')"
+    with served(tmp_path / "lab", "--session", str(session), port=port) as (url, _):
+        visitor = Visitor(browser, url)
+        visitor.sees("#error-now")
+        visitor.waits_until_done()
+        visitor.click("[role=tab]:has-text('Where it fails')")
+        visitor.click(ask)
+        visitor.sees(".banner.work:has-text('fitting to what is not held out, 1 of 2')")
+        visitor.keeps("forecasting")
+        visitor.click(".banner.work button:has-text('Cancel')")
+        visitor.sees("text=Forecasting the whole state was cancelled; nothing is lost.")
+        visitor.click(ask)
+        visitor.page.locator(held).wait_for(timeout=5.0 * PATIENCE_MS)
+        stayed, forecast = (
+            [float(value.split()[0]) for value in visitor.sees(row).split("\t")[2:]]
+            for row in (held, held.replace("held", "forecast"))
+        )
+        assert len(stayed) == 4 and all(told < had for told, had in zip(forecast, stayed, strict=True))
+        visitor.waits_until_done()
+        visitor.page.locator("#rollouts").scroll_into_view_if_needed()
+        visitor.figure("Error of rotation, rad over the horizon")
+        visitor.keeps("rollouts")
+        assert visitor.barriers() == []
+        visitor.leaves()
+    with served(tmp_path / "lab", "--session", str(kept), port=port):
+        visitor = Visitor(browser, url, PHONE, "dark")
+        visitor.page.goto(f"{url}/?show=fails")
+        visitor.sees(held)
+        visitor.page.locator("#rollouts").scroll_into_view_if_needed()
+        visitor.keeps("rollouts")
+        visitor.leaves()
+
+
+@pytest.mark.long
 @pytest.mark.skipif(not REAL_PX4.is_dir(), reason="the flights of real autopilots are not here")
 def test_modes_and_messages_of_a_real_autopilot_stand_on_the_axis_of_time(browser: Browser, tmp_path: Path) -> None:
     words = [str(REAL_PX4 / "vertical_runs.ulg"), "--model", str(REAL_PX4 / "vehicle.yaml")]

@@ -70,6 +70,7 @@ from quadctl.web.workbench.workbench import Workbench
 from quadctl.words import fact
 from tests.support.flights import obedient
 from tests.support.places import ROOT, VEHICLES
+from tests.support.rollouts import ROLLOUTS
 
 
 def subclasses(panel: type[Panel]) -> list[type[Panel]]:
@@ -212,6 +213,7 @@ def views(raptor: Vehicle) -> dict[str, View]:
         "an error that became known": {"session": session.judged(0.09, 0.04)},
         "an effect switched off": {"session": session.switched("ground_effect.exponential")},
         "another vehicle": {"session": session.begun_with(Model(raptor.model_copy(update={"name": "other"})))},
+        "forecasts of the whole state": {"session": session.forecast(raptor, ROLLOUTS)},
         "a flight held out": {"session": session.with_role(Path("1.csv"), True)},
         "another cross-validation": {"session": replace(session, hold_out="flights")},
         "a log that cannot be used": {"opened": replace(opened, logs=[OpenedLog(Path("x.csv"), problem="no log")])},

@@ -35,6 +35,7 @@ from quadctl.web.figures.error_map import CLOUD, error_map
 from quadctl.web.figures.path import path_figure
 from quadctl.web.figures.profile import profile_figure
 from quadctl.web.figures.ratio import ratio_over_height
+from quadctl.web.figures.rollouts import rollout_figure
 from quadctl.web.figures.timeline import full_timeline
 from quadctl.web.panels.fails import share_of
 from quadctl.web.session.files import keep_expression, own_effects, places_of, require_inside, upload_path
@@ -46,6 +47,7 @@ from quadctl.web.work.reading import log_names
 from quadctl.web.work.worker import CancelledError, Worker
 from tests.support.flights import obedient
 from tests.support.places import ROOT
+from tests.support.rollouts import ROLLOUTS
 
 A, B = Path("a.csv"), Path("b.csv")
 
@@ -138,6 +140,21 @@ class TestSession:
         assert [is_supported(c) for c in again.ranking] == [is_supported(c) for c in found.ranking]
         assert again.best.effects == found.best.effects
 
+    def test_forecasts_are_those_of_the_flights_and_of_the_vehicle(
+        self, extended: Session, raptor: Vehicle, tmp_path: Path
+    ) -> None:
+        session, path = extended.forecast(raptor, ROLLOUTS), tmp_path / "session.lab.yaml"
+        path.write_text(session_to_yaml(session.at(1)))
+        again = load_session(path).rollouts
+        assert again is not None and set(again.errors) == set(ROLLOUTS.errors)
+        for model, blocks in ROLLOUTS.errors.items():
+            np.testing.assert_allclose(again.errors[model], blocks, atol=1e-6)
+        heavier = raptor.model_copy(update={"mass_kg": 2.0})
+        assert session.begun_with(Model(raptor)).rollouts is ROLLOUTS
+        assert session.begun_with(Model(heavier)).rollouts is None
+        assert extended.forecast(heavier, ROLLOUTS).rollouts is None
+        assert session.with_role(B, unseen=True).rollouts is None
+
     def test_other_flights_make_what_was_found_unknown(self, found: Diagnosis) -> None:
         session = Session().with_logs([A, B]).begun_with(found.model).searched(found.model, Findings.of(found, {}))
         assert session.with_role(B, unseen=True).sequence[0].found is None
@@ -153,6 +170,9 @@ class TestSession:
             ),
             ("rungs: [{name: x, model: {effects: []}}]", "vehicle"),
             ("steps: 1", "steps"),
+            ("rollouts: '[]'", "rollouts holds no errors"),
+            ("rollouts: '{'", "rollouts holds no errors"),
+            ('rollouts: \'{"held": [[[0.1]]], "forecast": [[[0.1]]]}\'', "rollouts holds no errors"),
             ("- 1", "expected"),
         ],
     )
@@ -417,6 +437,15 @@ def figures(compared: Comparison) -> list[Figure]:
 
 
 class TestFigures:
+    def test_errors_of_forecasts_have_their_intervals(self) -> None:
+        drawn = rollout_figure(ROLLOUTS, 2, LIGHT)
+        held, forecast = drawn["data"]
+        assert (held["name"], forecast["name"]) == ("held", "forecast")
+        of = ROLLOUTS.mean("forecast", 3, 2)
+        assert (forecast["y"][3], forecast["error_y"]["array"][3]) == pytest.approx((of.value, of.high - of.value))
+        assert drawn["layout"]["yaxis"]["title"]["text"] == "error of rotation / rad"
+        assert len(to_csv(drawn).splitlines()) == 5
+
     def test_every_axis_has_a_title_with_a_unit(self, figures: list[Figure]) -> None:
         for drawn in figures:
             for title in _axis_titles(drawn):

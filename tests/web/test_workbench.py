@@ -19,12 +19,13 @@ from typer.testing import CliRunner
 from quadctl.cli import app
 from quadctl.effects.ground_effect import Exponential, Hayden
 from quadctl.effects.thrust_scale import ConstantScale
-from quadctl.errors import SettingsError
+from quadctl.errors import QuadctlError, SettingsError
 from quadctl.lab.evaluation import Evaluation, errors_of
 from quadctl.lab.flights.dataset import Dataset, load_dataset
 from quadctl.lab.flights.preparation import MAX_BANDWIDTH_HZ
 from quadctl.lab.selection.diagnosis import diagnose
 from quadctl.lab.study import Study, quiet
+from quadctl.logs.csv_log import write_csv
 from quadctl.logs.findings import Kind, finding
 from quadctl.logs.flight_log import FlightLog
 from quadctl.logs.quality import ChannelQuality, QualityReport, quality
@@ -50,6 +51,7 @@ from quadctl.words import fact
 from tests.support.flights import obedient
 from tests.support.log_files import ulog_bytes
 from tests.support.places import RAPTOR, ROOT, VEHICLES
+from tests.support.rollouts import ROLLOUTS
 
 PX4_TRI = {
     "CA_ROTOR_COUNT": 3.0, "CA_ROTOR0_PX": 0.1, "CA_ROTOR0_PY": 0.2, "CA_ROTOR1_PX": -0.1, "CA_ROTOR1_PY": 0.2,
@@ -306,6 +308,35 @@ class TestUndo:
         asyncio.run(extended.hold_out_by("flights"))
         asyncio.run(extended.undo())
         assert [step.error_m_s2 for step in extended.session.sequence] == [None, None]
+
+    def test_forecasts_stay_with_their_vehicle_on_the_way_back_and_forth(
+        self, extended: Workbench, raptor: Vehicle, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        async def run(job: Callable[..., Any], *args: Any, progress: Callable[[str], None]) -> Any:
+            progress("fitting")
+            return ROLLOUTS
+
+        other = extended.session.begun_with(Model(raptor.model_copy(update={"mass_kg": 2.0})))
+        extended.history = replace(extended.history, future=(other,))
+        asyncio.run(extended.forecast())
+        assert extended.session.rollouts is None  # there is no flight to forecast
+        extended.opened = replace(extended.opened, seen=Dataset(()))
+        monkeypatch.setattr(extended._quick, "run", run)
+        asyncio.run(extended.forecast())
+        assert [kept.rollouts for kept in extended.history.past] == [ROLLOUTS]
+        assert [kept.rollouts for kept in extended.history.future] == [None]
+        asyncio.run(extended.undo())
+        assert extended.session.rollouts is ROLLOUTS and len(extended.session.sequence) == 1
+        kept = load_session(extended.folder / AUTOSAVED).rollouts
+        assert kept is not None and kept.mean("held", 2, 1).low == pytest.approx(
+            ROLLOUTS.mean("held", 2, 1).low, rel=1e-4
+        )
+
+    def test_forecasts_that_are_cancelled_leave_all_as_it_was(self, extended: Workbench) -> None:
+        extended.opened, before = replace(extended.opened, seen=Dataset(())), extended.session
+        asyncio.run(extended.forecast())  # this worker ends all but the opening of logs
+        assert extended.session is before and extended.work is None and extended.message is not None
+        assert extended.message.text == "Forecasting the whole state was cancelled; nothing is lost."
 
     def test_another_session_has_nothing_to_undo(self, extended: Workbench) -> None:
         asyncio.run(extended.resume(replace(extended.session, view="tab=flights")))
@@ -663,6 +694,38 @@ class TestOpening:
         both = opened_logs([a, b], raptor)
         assert both.usable == [a] and "holds the same flight as a.csv" in both.logs[1].problem
         assert opened_logs([b], raptor, known=both.logs).usable == [b] and read == ["a.csv", "b.csv"]
+
+
+class TestForecasts:
+    @pytest.fixture
+    def flown(self, tmp_path: Path, raptor: Vehicle) -> Opened:
+        """Flights at 25 Hz."""
+        paths = [tmp_path / "a.csv", tmp_path / "b.csv"]
+        for seed, path in enumerate(paths):
+            log = obedient(Model(raptor), 20.0, noise_m_s=0.01, seed=seed, name=path.name)
+            slow = {name: values[:: round(len(log.time_s) / 500)] for name, values in log.columns.items()}
+            write_csv(replace(log, columns=slow, phase=None), path)
+        return opened_logs(paths, raptor)
+
+    def test_what_the_flights_lack_is_one_sentence_without_a_folder(self, flown: Opened, raptor: Vehicle) -> None:
+        with pytest.raises(QuadctlError) as refused:
+            jobs.forecast(flown, frozenset(), raptor, quiet)
+        assert str(refused.value).startswith("a.csv: its rotor ") and "come at 25 Hz" in str(refused.value)
+
+    def test_flights_that_are_held_out_are_those_that_are_forecast(
+        self, flown: Opened, raptor: Vehicle, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        asked: list[list[str]] = []
+
+        def forecast(used: list[FlightLog], vehicle: Vehicle, held_out: list[FlightLog], _: Any) -> Any:
+            asked.append([log.name for log in (*used, *held_out)])
+            return len(used)
+
+        monkeypatch.setattr("quadctl.lab.rotation.unseen.forecast_unseen", forecast)
+        said: list[str] = []
+        path = flown.logs[0].path
+        assert jobs.forecast(flown, frozenset([path]), raptor, said.append) == cast(Any, 1)
+        assert asked == [["b.csv", "a.csv"]] and said == ["reading b.csv", "reading a.csv"]
 
 
 class TestErrorsOfAllSteps:

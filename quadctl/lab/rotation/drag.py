@@ -14,13 +14,13 @@ from quadctl.lab.rotation.innovations import (
     NOISE_NAMES,
     Estimated,
     Regression,
-    Value,
     earlier,
     estimate,
     first_order,
     noise_of,
 )
 from quadctl.lab.rotation.records import Record
+from quadctl.lab.rotation.value import Value
 
 GUST_PUSHES_S = 0.12
 """Time until a gust shows in the accelerometer above its noise: by the velocity of this instant it would pass for a

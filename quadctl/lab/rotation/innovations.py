@@ -11,7 +11,6 @@ projection, Golub & Pereyra 1973).
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,6 +20,7 @@ from scipy.signal import lfilter
 from scipy.stats import t as student
 
 from quadctl.lab.arrays import Floats
+from quadctl.lab.rotation.value import Value
 
 BLOCK_S = 5.0
 """Time over which innovations may be dependent, where there are too few flights to take each as one block."""
@@ -44,18 +44,6 @@ class Regression:
     instruments: Floats | None = None
     """Signals of which the errors are independent, in place of each shared column, shape (n, p): where a column answers
     the disturbance before the sensor shows it."""
-
-
-@dataclass(frozen=True)
-class Value:
-    """A parameter with its 95 % interval."""
-
-    value: float
-    low: float
-    high: float
-
-    def to_dict(self) -> dict[str, Any]:
-        return {"value": self.value, "ci95": [self.low, self.high]}
 
 
 @dataclass(frozen=True, eq=False)
@@ -138,11 +126,15 @@ class SteadyFilter:
 
 def steady_filter(drift: Floats, diffusion: Floats, noise: float, step_s: float) -> SteadyFilter:
     """Filter of dx = drift x dt + noise of spectral density `diffusion`, both of shape (m, m), seen as x[0] with white
-    noise of this variance (Van Loan 1978, IEEE TAC 23(3); discrete Riccati equation)."""
+    noise of this variance (Van Loan 1978, IEEE TAC 23(3), over a part of the step in which nothing fades by much, and
+    doubled; discrete Riccati equation)."""
     m = len(drift)
-    joint = expm(np.block([[-drift, diffusion], [np.zeros((m, m)), drift.T]]) * step_s)
+    doublings = max(0, int(np.ceil(np.log2(np.abs(drift).max() * step_s))))
+    joint = expm(np.block([[-drift, diffusion], [np.zeros((m, m)), drift.T]]) * step_s / 2**doublings)
     transition = joint[m:, m:].T
     walk = transition @ joint[:m, m:]
+    for _ in range(doublings):
+        transition, walk = transition @ transition, walk + transition @ walk @ transition.T
     seen = np.eye(m)[:1]
     covariance = solve_discrete_are(transition.T, seen.T, 0.5 * (walk + walk.T), np.array([[noise]]))
     variance = float(covariance[0, 0] + noise)

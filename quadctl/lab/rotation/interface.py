@@ -8,7 +8,8 @@ from quadctl.lab.rotation.model import with_rotation
 from quadctl.lab.rotation.parameters import Rotation, fit_rotation
 from quadctl.lab.rotation.records import records_of
 from quadctl.lab.rotation.replay import Replay, fit_observer
-from quadctl.lab.rotation.unseen import STATE, Unseen, flown_of, forecast_unseen
+from quadctl.lab.rotation.rollout_errors import Unseen
+from quadctl.lab.rotation.unseen import STATE, flown_of, forecast_unseen
 from quadctl.logs.flight_log import FlightLog
 from quadctl.logs.read import read_imu_log
 from quadctl.logs.record.copies import without_copies

@@ -11,26 +11,30 @@ from quadctl.effects.centre_of_mass import FixedOffset
 from quadctl.effects.motor_lag import FirstOrderLag
 from quadctl.effects.rate_damping import ProportionalDamping
 from quadctl.effects.rotor_drag import LinearDrag
+from quadctl.effects.rotor_fault import UnequalRotors
 from quadctl.effects.rotor_reaction import InertialReaction
 from quadctl.effects.thrust_map import LineMap, VoltageMap
 from quadctl.errors import SettingsError
-from quadctl.lab.rotation.innovations import Value
 from quadctl.lab.rotation.parameters import AXES, Rotation, together
+from quadctl.lab.rotation.value import Value
 from quadctl.model import Model, Provenance, StackedEffect
 from quadctl.vehicle import Vehicle
 
 OF_THRUST = {"thrust_map", "thrust_scale", "thrust_curve", "battery_sag"}
 OF_DRAG = {"rotor_drag", "body_drag"}
 """Families of effects beside which none of the kind is added."""
+UNBALANCED = {FixedOffset.family(), UnequalRotors.family()}
+"""Families of which the mean commands hold the sum."""
 
 
 def with_rotation(model: Model, found: Rotation) -> Model:
     """The model with all that the flights identify of its rotation; the rest stays.
 
     Inertia and, where commands were logged, lag and delay of the rotors are numbers of the vehicle, which the new file
-    holds itself; `rate_damping`, `airspeed_moment`, `rotor_reaction` and `centre_of_mass` are effects, and take the
-    place of those in the model, as far as their intervals leave out 0. The moment by airspeed has one coefficient for
-    roll and pitch, weighted by their intervals.
+    holds itself; `rate_damping`, `airspeed_moment`, `rotor_reaction` and `centre_of_mass` or `rotor_fault.unequal` are
+    effects, and take the place of those in the model, as far as their intervals leave out 0 or a share of 1. The moment
+    by airspeed has one coefficient for roll and pitch, weighted by their intervals. Of the last two, which turn the
+    vehicle alike about roll and pitch, it is the rotors where there is a moment about yaw, too.
 
     Thrust map and drag are of the accelerometer; where the model has some of its own, these stay. A `motor_lag` of the
     model is part of the lag that is identified.
@@ -41,7 +45,7 @@ def with_rotation(model: Model, found: Rotation) -> Model:
         Nothing is identified, or no body has such an inertia.
     """
     vehicle = _vehicle(model.vehicle, found)
-    turning = (_damping(found), _airspeed(found, model.vehicle), _reaction(found), _centre(found))
+    turning = (_damping(found), _airspeed(found, model.vehicle), _reaction(found), _balance(found))
     if not any(turning) and vehicle == model.vehicle:
         raise SettingsError(
             f"{', '.join(found.names)}: nothing of the rotation is identified, so there is no new model"
@@ -61,6 +65,7 @@ def with_rotation(model: Model, found: Rotation) -> Model:
 
     new = stacked((*turning, last))
     replaced = {item.effect.family() for item in new}
+    replaced |= UNBALANCED if replaced & UNBALANCED else set()
     if vehicle.rotor != model.vehicle.rotor:
         replaced.add(FirstOrderLag.family())
     kept = (item for item in model.stack if item.effect.family() not in replaced)
@@ -147,7 +152,11 @@ def _reaction(found: Rotation) -> Fitted | None:
     return InertialReaction(lead.value), {"lead_s": (lead.low, lead.high)}
 
 
-def _centre(found: Rotation) -> Fitted | None:
+def _balance(found: Rotation) -> Fitted | None:
+    if found.shares is not None and found.shares.turns:
+        shares = found.shares.told
+        effect = UnequalRotors.of({number: share.value for number, share in shares.items()})
+        return effect, {f"share_{number}": (share.low, share.high) for number, share in shares.items()}
     told = {f"{name}_mm": value for name, value in found.centre_m.items() if not value.low <= 0.0 <= value.high}
     if not told:
         return None

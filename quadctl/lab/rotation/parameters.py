@@ -24,14 +24,15 @@ from quadctl.lab.rotation.innovations import (
     Estimated,
     Regression,
     SteadyFilter,
-    Value,
     earlier,
     first_order,
     held_response,
     noise_of,
 )
 from quadctl.lab.rotation.records import Delayed, Record
+from quadctl.lab.rotation.shares import Shares, fit_shares
 from quadctl.lab.rotation.thrust import ThrustMap, fit_thrust_map, hover_command, level_hover
+from quadctl.lab.rotation.value import Value
 from quadctl.vehicle import Vehicle
 
 AXES = ("roll", "pitch", "yaw")
@@ -169,6 +170,8 @@ class Rotation:
     and no wind; empty where the thrust map is not known."""
     ratios: dict[str, float] = field(default_factory=dict)
     """Inertia over weight times arm, by the vehicle's file, times the gain: 1 for each axis."""
+    shares: Shares | None = None
+    """Thrust of each rotor; None where it is not told."""
 
     @cached_property
     def gain(self) -> dict[str, Value]:
@@ -246,6 +249,7 @@ class Rotation:
             "share_of_rotors": [float(s) for s in self.share],
             "share_of_rotors_half_ci95": [float(h) for h in half],
             "centre_of_mass_m": {name: value.to_dict() for name, value in self.centre_m.items()},
+            "thrust_of_rotors": None if self.shares is None else self.shares.to_dict(),
         }
 
 
@@ -319,6 +323,7 @@ def fit_rotation(records: Sequence[Record], vehicle: Vehicle) -> Rotation:
         level_hover(records, thrust),
         _centre(records, vehicle, hover, thrust, axes),
         {name: float(vehicle.weight_n * arms[i]) for i, name in enumerate(AXES) if arms[i] > 0.0},
+        fit_shares(records, vehicle, hover, thrust, axes),
     )
 
 

@@ -13,10 +13,10 @@ from numpy.typing import NDArray
 from scipy.optimize import least_squares
 from scipy.signal import lfilter
 
-from quadctl.effects.centre_of_mass import FixedOffset
 from quadctl.frames import GRAVITY_M_S2, multiply, rotate, rotate_inverse
 from quadctl.lab.arrays import Floats
 from quadctl.lab.rotation.innovations import SteadyFilter, first_order, noise_of
+from quadctl.lab.rotation.model import UNBALANCED
 from quadctl.lab.rotation.rollout import State, Track
 from quadctl.model import Model, conditions
 from quadctl.observer import AXES, SIZES, AxisNoise, Observer, delayed, disturbances, lagged, rolled_out
@@ -130,8 +130,8 @@ class Replay:
 def fit_observer(replays: Sequence[Replay]) -> Observer:
     """Noise by which the past forecasts best what a model leaves of these flights, in the size of that.
 
-    A centre of mass counts as a disturbance: that of these flights is not that of the next, with another battery or a
-    rotor that gives less, and an observer that trusts it forgets the new one.
+    A centre of mass, or a balance of the rotors, counts as a disturbance: that of these flights is not that of the
+    next, with another battery or a rotor that gives less, and an observer that trusts it forgets the new one.
     """
     step_s = replays[0].track.step_s
     left = [replace(replay, model=_without_offset(replay.model)).unexplained() for replay in replays]
@@ -140,7 +140,7 @@ def fit_observer(replays: Sequence[Replay]) -> Observer:
 
 
 def _without_offset(model: Model) -> Model:
-    return replace(model, stack=tuple(item for item in model.stack if not isinstance(item.effect, FixedOffset)))
+    return replace(model, stack=tuple(item for item in model.stack if item.effect.family() not in UNBALANCED))
 
 
 def _axis(signals: Sequence[Floats], step_s: float) -> AxisNoise:

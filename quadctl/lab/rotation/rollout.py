@@ -20,9 +20,6 @@ from quadctl.lab.rotation.parameters import differences
 from quadctl.lab.rotation.records import Delayed
 from quadctl.vehicle import Vehicle
 
-HORIZONS_S = (0.01, 0.1, 0.5, 2.0)
-QUANTITIES = ("position_m", "velocity_m_s", "rotation_rad", "rates_rad_s")
-
 
 @dataclass(frozen=True, eq=False)
 class Track:

@@ -13,11 +13,11 @@ from quadctl.lab.rotation.innovations import (
     NOISE_NAMES,
     Estimated,
     Regression,
-    Value,
     first_order,
     noise_of,
 )
 from quadctl.lab.rotation.records import Delayed, Record
+from quadctl.lab.rotation.value import Value
 
 UNIFORM_95 = 0.475
 """Half of the range that holds 95 % of an even distribution of width 1."""

@@ -1,25 +1,21 @@
 """Forecasts of flights, or parts of flights, that the fit did not see, beside a held state."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
-from scipy.stats import t as student
 
 from quadctl.errors import LogError, SettingsError
 from quadctl.frames import quaternion_from_euler
 from quadctl.lab.arrays import Floats
 from quadctl.lab.rotation.forecast import SETTLED_S, Forecast, fit_forecast
-from quadctl.lab.rotation.innovations import BLOCK_S, Value
+from quadctl.lab.rotation.innovations import BLOCK_S
 from quadctl.lab.rotation.model import with_rotation
 from quadctl.lab.rotation.parameters import Rotation, fit_rotation
 from quadctl.lab.rotation.records import Record, record_of
 from quadctl.lab.rotation.replay import Replay, fit_observer
 from quadctl.lab.rotation.rollout import (
-    HORIZONS_S,
-    QUANTITIES,
     Commands,
     Late,
     Physics,
@@ -27,6 +23,16 @@ from quadctl.lab.rotation.rollout import (
     commands_of,
     errors,
     held,
+)
+from quadctl.lab.rotation.rollout_errors import (
+    FORECAST,
+    HELD,
+    HORIZONS_S,
+    LEAST_BLOCKS,
+    MODELS,
+    QUANTITIES,
+    SAVED,
+    Unseen,
 )
 from quadctl.logs.findings import Span
 from quadctl.logs.flight_log import ATTITUDE, POSITION, VELOCITY, FlightLog
@@ -39,8 +45,6 @@ EVERY = 5
 """Number of steps from one window to the next."""
 MOST_PARTS = 4
 """Largest number of parts of the flights that are left out in turn."""
-LEAST_BLOCKS = 3
-"""Number of blocks that an interval needs."""
 NED = np.array([1.0, 1.0, -1.0])
 STATE = (*POSITION, *VELOCITY, *ATTITUDE)
 """Columns that a flight needs beside rates and commands to be forecast."""
@@ -145,54 +149,47 @@ def know(flights: Sequence[Flown], model: Model, *, estimate_every: int = 1) -> 
     return Known(rotation, replace(model, observer=observer), forecast)
 
 
-@dataclass(frozen=True, eq=False)
-class Unseen:
-    """Mean errors of forecasts of what no fit saw, in blocks of `BLOCK_S`, by the name of the model; each of shape
-    (blocks, horizons, quantities)."""
-
-    errors: dict[str, Floats]
-
-    def mean(self, model: str, horizon: int, quantity: int) -> Value:
-        """Mean over the blocks, with the interval that their scatter gives."""
-        values = self.errors[model][:, horizon, quantity]
-        half = float(student.ppf(0.975, max(len(values) - 1, 1)) * np.std(values, ddof=1) / np.sqrt(len(values)))
-        mean = float(np.mean(values))
-        return Value(mean, mean - half, mean + half)
-
-    def to_dict(self) -> dict[str, Any]:
-        return {
-            model: {
-                f"{horizon_s:g}": {name: self.mean(model, h, q).to_dict() for q, name in enumerate(QUANTITIES)}
-                for h, horizon_s in enumerate(HORIZONS_S)
-            }
-            for model in self.errors
-        }
-
-
-def forecast_unseen(logs: Sequence[FlightLog], model: Model) -> Unseen:
-    """Leave out the flights in turn, in at most `MOST_PARTS` parts; of one flight, predict each half by the other.
+def forecast_unseen(
+    logs: Sequence[FlightLog],
+    model: Model,
+    held_out: Sequence[FlightLog] = (),
+    progress: Callable[[str], None] = lambda text: None,
+) -> Unseen:
+    """Forecast the flights that are held out by fits to the others. Where none is, they are left out in turn, in at
+    most `MOST_PARTS` parts, and of one flight each half.
 
     Raises
     ------
     LogError
         As `flown_of`; or the parts are too short for a forecast.
     """
-    if len(logs) == 1:
-        begin, end = _longest_usable(logs[0])
-        middle = (begin + end) / 2.0
-        parts = [[flown_of(logs[0], model.vehicle, span)] for span in ((begin, middle), (middle, end))]
-    else:
-        flights = [flown_of(log, model.vehicle) for log in logs]
-        parts = [flights[i::MOST_PARTS] for i in range(min(MOST_PARTS, len(flights)))]
-    found: dict[str, list[Floats]] = {"held": [], "model": [], "forecast": []}
-    for part in parts:
-        known = know([flown for other in parts if other is not part for flown in other], model)
-        for flown in part:
+    found: dict[str, list[Floats]] = {name: [] for name in MODELS}
+    folds = _folds(logs, model.vehicle, held_out)
+    for number, (used, left_out) in enumerate(folds, start=1):
+        progress(f"fitting to what is not held out, {number} of {len(folds)}")
+        known = know(used, model)
+        for flown in left_out:
             for name, blocks in _in_blocks(flown.track, known).items():
                 found[name] += blocks
-    if len(found["held"]) < LEAST_BLOCKS:
+    if len(found[HELD]) < LEAST_BLOCKS:
         raise LogError(f"{logs[0].name}: flies too briefly to forecast parts that the fit did not see")
     return Unseen({name: np.array(blocks) for name, blocks in found.items()})
+
+
+def _folds(
+    logs: Sequence[FlightLog], vehicle: Vehicle, held_out: Sequence[FlightLog]
+) -> list[tuple[list[Flown], list[Flown]]]:
+    """Flights, or parts of them, that fits use, and those that they are tested on."""
+    if len(logs) == 1 and not held_out:
+        begin, end = _longest_usable(logs[0])
+        middle = (begin + end) / 2.0
+        parts = [[flown_of(logs[0], vehicle, span)] for span in ((begin, middle), (middle, end))]
+    else:
+        flights = [flown_of(log, vehicle) for log in logs]
+        if held_out:
+            return [(flights, [flown_of(log, vehicle) for log in held_out])]
+        parts = [flights[i::MOST_PARTS] for i in range(min(MOST_PARTS, len(flights)))]
+    return [([flown for other in parts if other is not part for flown in other], part) for part in parts]
 
 
 def _in_blocks(track: Track, known: Known) -> dict[str, list[Floats]]:
@@ -203,9 +200,9 @@ def _in_blocks(track: Track, known: Known) -> dict[str, list[Floats]]:
     if len(rows) == 0:
         return {}
     ends = {
-        "held": [held(track, rows, k) for k in steps],
-        "model": known.replay(track).roll_out(rows, steps),
-        "forecast": known.forecast.roll_out(track, known.commands(track), rows, steps),
+        HELD: [held(track, rows, k) for k in steps],
+        SAVED: known.replay(track).roll_out(rows, steps),
+        FORECAST: known.forecast.roll_out(track, known.commands(track), rows, steps),
     }
     found = {}
     for name, states in ends.items():

@@ -5,10 +5,9 @@ from rich.console import Group, RenderableType
 from rich.table import Table
 from rich.text import Text
 
-from quadctl.lab.rotation.innovations import Value
 from quadctl.lab.rotation.parameters import MOST_UNKNOWN, Rotation
-from quadctl.lab.rotation.rollout import HORIZONS_S
-from quadctl.lab.rotation.unseen import Unseen
+from quadctl.lab.rotation.rollout_errors import FORECAST_ERRORS, FORECAST_HOLDS, FORECAST_OF, Unseen
+from quadctl.lab.rotation.value import Value
 
 ROWS = (
     ("gain", "moment gain", "rad/s² per weight of thrust difference"),
@@ -40,22 +39,16 @@ def answer(found: Rotation) -> RenderableType:
 
 def forecasts(unseen: Unseen) -> RenderableType:
     """Table of the errors of forecasts with 95 % intervals, beside those of a state that is held."""
-    table = Table(title="Errors of forecasts that no fit saw: mean [95 % interval]", title_justify="left")
-    for heading in ("after", "model", "position, m", "velocity, m/s", "rotation, rad", "rates, rad/s"):
+    table = Table(title=f"Whole state from commands: {FORECAST_ERRORS}", title_justify="left")
+    for heading in ("after", "model", *FORECAST_OF):
         table.add_column(heading, overflow="fold")
-    for h, horizon_s in enumerate(HORIZONS_S):
-        for model in unseen.errors:
-            values = [_shown(unseen.mean(model, h, quantity)) for quantity in range(4)]
-            table.add_row(f"{horizon_s:g} s", model, *values)
-    said = (
-        "Held: velocity and rates stay. Model: what -o saves, with its observer. The forecast holds for this "
-        "controller, and answers no what-if."
-    )
-    return Group(table, Text(said))
+    for row in unseen.rows():
+        table.add_row(*row)
+    return Group(table, Text(FORECAST_HOLDS))
 
 
 def _shown(value: Value | None) -> str:
-    return "-" if value is None else f"{value.value:.3g} [{value.low:.3g}, {value.high:.3g}]"
+    return "-" if value is None else str(value)
 
 
 def _thrust(found: Rotation) -> list[str]:
@@ -64,18 +57,7 @@ def _thrust(found: Rotation) -> list[str]:
     lines.append(f"Mean {kind} in flight: {found.hover_drive:.3g}.")
     if found.level is not None:
         lines.append(f"Mean {kind} in level hover: {_shown(found.level)}.")
-    half = found.share_half
-    if half is not None and np.all(np.isfinite(half)):
-        own = ", ".join(f"{100 * (s - 1):+.1f} ± {100 * h:.1f} %" for s, h in zip(found.share, half, strict=True))
-        lines.append(
-            f"The rotors' own, beyond the mean: {own}; by unequal rotors, or by a centre of mass off the middle."
-        )
-    if found.centre_m:
-        off = ", ".join(
-            f"{name} {1e3 * v.value:.3g} [{1e3 * v.low:.3g}, {1e3 * v.high:.3g}] mm"
-            for name, v in found.centre_m.items()
-        )
-        lines.append(f"As a centre of mass, with rotors that are alike and no wind: {off}.")
+    lines += _unbalanced(found)
     if found.lag is not None:
         behind = "" if found.delay is None else f", behind a delay of the command of {_shown(found.delay)} s"
         lines.append(f"Rotor lag by roll and pitch: {_shown(found.lag)} s{behind}.")
@@ -86,6 +68,35 @@ def _thrust(found: Rotation) -> list[str]:
     if drags:
         said = ", ".join(f"{name} = {_shown(value)} 1/s" for name, value in drags.items())
         lines.append(f"Drag by the accelerometer: {said}.")
+    return lines
+
+
+def _unbalanced(found: Rotation) -> list[str]:
+    """Sentences on the rotors' mean commands, and on the causes that they may have."""
+    lines = []
+    half = found.share_half
+    if half is not None and np.all(np.isfinite(half)):
+        own = ", ".join(f"{100 * (s - 1):+.1f} ± {100 * h:.1f} %" for s, h in zip(found.share, half, strict=True))
+        lines.append(
+            f"The rotors' commands beyond the mean: {own}; by unequal rotors, a centre of mass off the middle, or wind."
+        )
+    if found.centre_m:
+        off = ", ".join(
+            f"{name} {1e3 * v.value:.3g} [{1e3 * v.low:.3g}, {1e3 * v.high:.3g}] mm"
+            for name, v in found.centre_m.items()
+        )
+        lines.append(f"As a centre of mass, with rotors that are alike and no wind: {off}.")
+    if found.shares is not None:
+        shares = ", ".join(
+            f"{100 * (s.value - 1):+.1f} [{100 * (s.low - 1):+.1f}, {100 * (s.high - 1):+.1f}] %"
+            for s in found.shares.rotors.values()
+        )
+        which = "the unequal rotors" if found.shares.turns else "the centre of mass, if any"
+        lines += [
+            f"As unequal rotors, with a centre of mass in the middle and no wind: thrusts {shares} beyond the mean.",
+            "These two look alike about roll and pitch. About yaw, where a centre of mass turns nothing, is "
+            f"{found.shares.yaw} of the moment of half of the rotors: a model gets {which}.",
+        ]
     return lines
 
 

@@ -21,6 +21,7 @@ from quadctl.web.panels.choices import Brush
 from quadctl.web.panels.chosen_flight import ChosenFlightPanel, selected
 from quadctl.web.panels.glossary import explained
 from quadctl.web.panels.panel import Controls, Panel, Tab
+from quadctl.web.panels.rollouts import Rollouts
 from quadctl.web.panels.sensors import HeightSensors
 from quadctl.web.panels.stack import apart
 from quadctl.web.panels.words import Said
@@ -209,4 +210,4 @@ def _choose(do: Controls, ranges: Brush, axis: str, flight: str | None = None) -
     do.choose(brush=ranges, **shown, **({} if flight is None else {"flight": flight}))
 
 
-TAB = Tab("fails", "Where it fails", "troubleshoot", (Failures, Selected, HeightSensors))
+TAB = Tab("fails", "Where it fails", "troubleshoot", (Failures, Selected, HeightSensors, Rollouts))

@@ -13,6 +13,7 @@ from pydantic import Field
 
 from quadctl.errors import SettingsError
 from quadctl.lab.flights.dataset import HoldOut
+from quadctl.lab.rotation.rollout_errors import Unseen
 from quadctl.model import Model, model_from_dict, model_to_dict
 from quadctl.settings import MAX_YAML_BYTES, Settings, read_yaml, validate
 from quadctl.vehicle import Vehicle
@@ -58,6 +59,8 @@ class Session:
     """Choices of the tab in which the session was saved, as the query of its address."""
     vehicle_assumed: bool = False
     """True where nobody has said which vehicle flew: it was taken from the flight configuration."""
+    rollouts: Unseen | None = None
+    """Errors of forecasts of the whole state, of these flights with this vehicle; None until they are asked for."""
 
     @property
     def step(self) -> Step | None:
@@ -96,7 +99,8 @@ class Session:
     def begun_with(self, model: Model) -> "Session":
         """A new model sequence that begins with `model`, whose vehicle somebody has chosen."""
         name = "as it was" if model.stack else "rigid body"
-        return replace(self, sequence=(Step(name, model),), current=0, off=frozenset(), vehicle_assumed=False)
+        begun = replace(self, sequence=(Step(name, model),), current=0, off=frozenset(), vehicle_assumed=False)
+        return begun if model.vehicle == self.vehicle else replace(begun, rollouts=None)
 
     def extended(self, step: Step) -> "Session":
         """Session with one more step after the current one; later steps are dropped."""
@@ -136,9 +140,13 @@ class Session:
             self, sequence=tuple(replace(step, found=found) if step.model == model else step for step in self.sequence)
         )
 
+    def forecast(self, vehicle: Vehicle, rollouts: Unseen) -> "Session":
+        """Session with the errors of forecasts with a vehicle, if it is the one of this session."""
+        return replace(self, rollouts=rollouts) if vehicle == self.vehicle else self
+
     def unjudged(self) -> "Session":
-        """Session without errors, reference errors and findings, for when the flights change."""
-        return replace(self, sequence=tuple(Step(step.name, step.model) for step in self.sequence))
+        """Session without errors, reference errors, findings and rollouts, for when the flights change."""
+        return replace(self, sequence=tuple(Step(step.name, step.model) for step in self.sequence), rollouts=None)
 
     def with_logs(self, logs: Sequence[Path]) -> "Session":
         """Session with further logs, each once. Results stay valid if none of the new logs can be used."""
@@ -204,6 +212,8 @@ class SessionFile(Settings):
     switched_off: list[str] = Field(default_factory=list)
     rungs: list[StepEntry] = Field(default_factory=list)
     """The model sequence."""
+    rollouts: str | None = None
+    """JSON text, as of `StepEntry.found`."""
 
 
 def session_to_yaml(session: Session) -> str:
@@ -238,6 +248,7 @@ def _to_yaml(session: Session) -> str:
             }
             for step in session.sequence
         ],
+        **({} if session.rollouts is None else {"rollouts": session.rollouts.to_json()}),
     }
     return yaml.safe_dump(content, sort_keys=False, allow_unicode=True)
 
@@ -264,7 +275,12 @@ def load_session(path: Path) -> Session:
     if not set(entry.switched_off) <= held:
         off = ", ".join(entry.switched_off)
         raise SettingsError(f"{path}: switched_off holds {off}, expected effects of the step where one stands")
-    return replace(session, off=frozenset(entry.switched_off), vehicle_assumed=entry.vehicle_assumed)
+    try:
+        rollouts = None if entry.rollouts is None else Unseen.from_json(entry.rollouts)
+    except SettingsError as error:
+        raise SettingsError(f"{path}: rollouts {error}") from None
+    known = replace(session, vehicle_assumed=entry.vehicle_assumed, rollouts=rollouts)
+    return replace(known, off=frozenset(entry.switched_off))
 
 
 def _step(entry: StepEntry, path: Path) -> Step:

@@ -16,6 +16,7 @@ from quadctl.lab.flights.flight import Flight
 from quadctl.lab.flights.preparation import prepare
 from quadctl.lab.planning.suggestion import Suggestion, suggest
 from quadctl.lab.report.results import Results, Shown
+from quadctl.lab.rotation.rollout_errors import Unseen
 from quadctl.lab.selection.diagnosis import Diagnosis
 from quadctl.lab.selection.refit import Refit
 from quadctl.lab.sensors.answers import SensorAnswers, answers_on_sensors
@@ -23,13 +24,14 @@ from quadctl.lab.study import Study
 from quadctl.lab.tracking.step_response import StepResponses
 from quadctl.logs.flight_log import FlightLog
 from quadctl.logs.quality import quality
+from quadctl.logs.read import read_imu_log
 from quadctl.logs.record.copies import copies
 from quadctl.model import Model
 from quadctl.vehicle import Vehicle
 from quadctl.web.session.findings import Findings
 from quadctl.web.session.session import Step
 from quadctl.web.work.doubts import cautions_of, doubt_beside, doubt_of, firmware, names_its_vehicle
-from quadctl.web.work.reading import OpenedLog
+from quadctl.web.work.reading import OpenedLog, without_folder
 from quadctl.web.work.worker import Progress
 
 
@@ -199,6 +201,28 @@ def next_step(change: Callable[..., Refit], study: Study, *effects: str, progres
     """The step after a change of a study's model: `change` is a verb of `Study` that refits."""
     refit = change(study, *effects, progress=progress)
     return NextStep(refit.model, evaluate(refit.model, refit.fit_after, study.unseen), refit.is_repetition)
+
+
+def forecast(opened: Opened, unseen: frozenset[Path], vehicle: Vehicle, progress: Progress) -> Unseen:
+    """Errors of forecasts of the whole state in the flights that can be used, by fits that have not seen them."""
+    from quadctl.lab.rotation.unseen import forecast_unseen  # brings what the start of the page should not wait for
+
+    def read(held_out: bool) -> list[FlightLog]:
+        """Those logs with what only an analysis of rotation needs, under the names that they have on the page."""
+        logs = []
+        for one in opened.logs:
+            if one.path in opened.usable and (one.path in unseen) == held_out and one.log is not None:
+                progress(f"reading {one.log.name}")
+                logs.append(replace(read_imu_log(one.path), name=one.log.name))
+        return logs
+
+    try:
+        return forecast_unseen(read(held_out=False), Model(vehicle), read(held_out=True), progress)
+    except QuadctlError as error:
+        sentence = str(error)
+        for path in opened.usable:
+            sentence = without_folder(sentence, path)
+        raise QuadctlError(sentence) from None
 
 
 def next_flight(diagnosis: Diagnosis, missions: Path, progress: Progress) -> Suggestion:

@@ -327,6 +327,17 @@ class Analysis(Desk):
             suggestion = await self._quick.run(jobs.next_flight, asked, missions, progress=progress)
             self.results = replace(self.results, suggestion=suggestion)
 
+    async def forecast(self) -> None:
+        """Forecast the whole state of the flights by fits that have not seen them."""
+        vehicle = self.session.vehicle
+        if vehicle is None or self.opened.seen is None:
+            return
+        async with self._working("Forecasting the whole state") as progress:
+            found = await self._quick.run(jobs.forecast, self.opened, self.session.unseen, vehicle, progress=progress)
+            self.session = self.session.forecast(vehicle, found)
+            self.history = self.history.each(lambda kept: kept.forecast(vehicle, found))
+            self._autosave()
+
     async def gather(self, effect: str) -> None:
         """Compute the evidence for an effect of the current model, or for one that was found missing."""
         study = self._with_effect(effect)

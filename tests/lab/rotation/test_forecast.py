@@ -1,9 +1,14 @@
 """Forecasts of simulated flights whose controller answers gusts that a forecast cannot know."""
 
+from types import SimpleNamespace
+from typing import Any, cast
+
 import numpy as np
 import pytest
 
 from quadctl.frames import GRAVITY_M_S2, quaternion_from_euler
+from quadctl.lab.arrays import Floats
+from quadctl.lab.rotation import unseen
 from quadctl.lab.rotation.forecast import Forecast, fit_forecast
 from quadctl.lab.rotation.innovations import Noise
 from quadctl.lab.rotation.rollout import (
@@ -22,6 +27,7 @@ from quadctl.lab.rotation.rollout import (
     roll_out,
     unexplained_rates,
 )
+from quadctl.model import Model
 from quadctl.observer import AXES, AxisNoise, Observer
 from tests.lab.rotation.closed_loop import VEHICLE
 
@@ -105,3 +111,34 @@ class TestForecast:
         np.testing.assert_allclose(one.rates[0], two.rates[0])
         np.testing.assert_allclose(one.velocity[0], two.velocity[0])
         assert not np.allclose(one.rates[1], two.rates[1])
+
+
+@pytest.mark.parametrize(
+    ("held_out", "folds"), [(["c"], [("ab", "c")]), ([], [("b", "a"), ("a", "b")])], ids=["held out", "by turns"]
+)
+def test_flights_that_are_held_out_are_used_by_no_fit(
+    held_out: list[str], folds: list[tuple[str, str]], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Each flight stands for its name here, and its errors for those of its fit."""
+    fits: list[str] = []
+    tested: list[str] = []
+    said: list[str] = []
+
+    def know(flights: list[SimpleNamespace], _: Model) -> str:
+        fits.append("".join(flight.track for flight in flights))
+        return fits[-1]
+
+    def in_blocks(track: str, known: str) -> dict[str, list[Floats]]:
+        assert track not in known
+        tested.append(track)
+        return {
+            name: [np.full((4, 4), value)] * 3 for name, value in (("held", 2.0), ("model", 3.0), ("forecast", 1.0))
+        }
+
+    monkeypatch.setattr(unseen, "flown_of", lambda log, vehicle: SimpleNamespace(track=log))
+    monkeypatch.setattr(unseen, "know", know)
+    monkeypatch.setattr(unseen, "_in_blocks", in_blocks)
+    logs: Any = ["a", "b"]
+    found = unseen.forecast_unseen(logs, Model(VEHICLE), cast(Any, held_out), said.append)
+    assert list(zip(fits, tested, strict=True)) == folds and len(said) == len(folds)
+    assert (found.mean("held", 0, 0).value, found.mean("forecast", 3, 3).value) == (2.0, 1.0)

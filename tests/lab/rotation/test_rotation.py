@@ -7,14 +7,17 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from rich.console import Console
 from scipy.stats import binom
 
 from quadctl.effects.airspeed_moment import IsotropicMoment
+from quadctl.effects.base import Conditions
 from quadctl.effects.body_drag import QuadraticDrag
 from quadctl.effects.centre_of_mass import FixedOffset
 from quadctl.effects.motor_lag import FirstOrderLag
 from quadctl.effects.rate_damping import ProportionalDamping
 from quadctl.effects.rotor_drag import LinearDrag
+from quadctl.effects.rotor_fault import UnequalRotors, WeakRotor
 from quadctl.effects.rotor_reaction import InertialReaction
 from quadctl.effects.thrust_map import LineMap
 from quadctl.effects.thrust_scale import ConstantScale
@@ -22,7 +25,7 @@ from quadctl.errors import SettingsError
 from quadctl.frames import GRAVITY_M_S2
 from quadctl.lab import identify_rotation
 from quadctl.lab.arrays import Floats
-from quadctl.lab.rotation.innovations import Noise, Value, first_order
+from quadctl.lab.rotation.innovations import Noise, first_order
 from quadctl.lab.rotation.model import with_rotation
 from quadctl.lab.rotation.parameters import Rotation, differences, fit_rotation
 from quadctl.lab.rotation.records import Delayed, Record
@@ -38,6 +41,10 @@ from quadctl.lab.rotation.rollout import (
     rotation_vector,
     turned_by,
 )
+from quadctl.lab.rotation.shares import fit_shares
+from quadctl.lab.rotation.thrust import hover_command
+from quadctl.lab.rotation.value import Value
+from quadctl.lab.rotation.words import answer
 from quadctl.model import Model, conditions, load_model
 from tests.lab.rotation.closed_loop import DELAY_STEPS, REACTION_M, STEP_S, VEHICLE, Truth, flights
 from tests.lab.rotation.test_forecast import observe
@@ -77,6 +84,30 @@ class TestFilters:
             return max(abs(float(x[k:] @ x[:-k] / (x @ x))) for k in (1, 2, 5, 20))
 
         assert correlation(left) < 0.03 < correlation(wrong)
+
+    def test_a_disturbance_that_is_gone_within_a_step_is_one_of_each_step_by_itself(self) -> None:
+        """What fades by e^60 within a step must not hide the slow part beside it in round-off."""
+        step_s, quick_s = 0.02, 3.4e-4
+        found = Noise(quick_s, 4.0, 1e-3, 150.0).of_rate(0.9, step_s)
+        assert np.all(np.abs(np.linalg.eigvals(found.transition)) < 1.0)
+        assert found.transition[0] == pytest.approx([np.exp(-0.9 * step_s), quick_s, step_s], rel=0.03)
+        assert 0.0 < found.gain[0] < 1e-6  # of a sensor that tells nothing the filter takes nothing
+        told = Noise(quick_s, 4.0, 1e-3, 1e-6).of_rate(0.9, step_s)
+        assert told.gain[0] == pytest.approx(1.0, abs=0.02)
+
+
+def missed_moment(model: Model, flight: Record, truth: Truth) -> Floats:
+    """Mean moment that turned a vehicle beyond what a model predicts from its commands, N m, shape (3,), of its size.
+
+    The thrust at a command is that of rotors that are alike.
+    """
+    assert flight.airspeed is not None
+    u, step_s = flight.drive, flight.step_s
+    nominal = truth.full_n * ((1.0 - truth.bend) * u + truth.bend * u**2)
+    body, rates = (tuple(signal.T) for signal in (flight.airspeed, flight.rates))
+    predicted = model.body_torque(list(nominal.T), Conditions(2.0, body, (1.0, 0.0, 0.0, 0.0), rates_rad_s=rates))
+    turned = np.array(truth.inertia) * np.gradient(flight.rates, step_s, axis=0)
+    return np.abs(np.mean(np.array(predicted).T - turned, axis=0))
 
 
 @pytest.fixture(scope="module")
@@ -121,8 +152,43 @@ class TestInClosedLoop:
             true = float(places[:, axis] @ carried / carried.sum())
             told = found.centre_m[name]
             assert told.low < true < told.high < told.low + 6e-3
+        assert found.shares is not None and not found.shares.turns
+        for number, share in enumerate(uneven, start=1):
+            told = found.shares.rotors[number]
+            assert told.low < share < told.high
         offset = next(e for e in with_rotation(Model(VEHICLE), found).effects if isinstance(e, FixedOffset))
         assert offset.forward_mm < -4.0
+
+    def test_unequal_rotors_are_those_of_a_model_that_predicts_a_fresh_flight(self, found: Rotation) -> None:
+        """They are told from a centre of mass by what they turn about yaw; either takes the place of the other."""
+        uneven = (0.93, 1.04, 0.98, 1.05)
+        truth = replace(TRUTH, rotor_share=uneven, wind_m_s=(0.0, 0.0, 0.0))
+        *used, fresh = flights(truth, 9, 60.0, first=20)
+        told, *alone = (
+            fit_shares(some, VEHICLE, hover_command(some, False), found.thrust, found.axes)
+            for some in (used, *([flight] for flight in used))
+        )
+        assert told is not None and told.turns and len(told.told) == 3
+        for number, share in enumerate(uneven, start=1):
+            assert told.rotors[number].value == pytest.approx(share, abs=0.02)
+        inside = [
+            one.rotors[number].low < share < one.rotors[number].high
+            for one in alone
+            if one is not None
+            for number, share in enumerate(uneven, start=1)
+        ]
+        assert len(inside) == 32 and sum(inside) >= 27  # of 95 %, with four that hang together
+        console = Console(width=300)
+        with console.capture() as shown:
+            console.print(answer(replace(found, shares=told)))
+        assert "a model gets the unequal rotors." in shown.get()
+        before = Model(VEHICLE).plus(FixedOffset(9.0, -4.0)).plus(WeakRotor(0.3, 2.0))
+        model = with_rotation(before, replace(found, shares=told))
+        (unequal,) = (effect for effect in model.effects if isinstance(effect, UnequalRotors))
+        assert not {FixedOffset, WeakRotor} & set(map(type, model.effects))
+        bodies = (model, model.without(unequal))
+        missed, without = (missed_moment(body, fresh, truth) for body in bodies)
+        assert np.all(missed < 0.5 * without)
 
     def test_the_elasticity_of_the_thrust_lies_in_its_interval(self, records: list[Record], found: Rotation) -> None:
         bend, weights = TRUTH.bend, -np.mean([r.force[:, 2] for r in records if r.force is not None]) / GRAVITY_M_S2

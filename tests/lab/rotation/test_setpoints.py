@@ -10,10 +10,11 @@ import pytest
 
 from quadctl.errors import LogError
 from quadctl.lab.rotation.commands import fit_mixer
-from quadctl.lab.rotation.innovations import Value, held_response
+from quadctl.lab.rotation.innovations import held_response
 from quadctl.lab.rotation.parameters import AXES, Rotation, fit_axis, fit_rotation, known_lag, together
 from quadctl.lab.rotation.records import AROUND_S, Record, records_of
 from quadctl.lab.rotation.unseen import flown_of
+from quadctl.lab.rotation.value import Value
 from quadctl.logs.columns import TORQUE
 from quadctl.logs.flight_log import ATTITUDE, POSITION, VELOCITY, FlightLog
 from quadctl.logs.read import read_imu_log
