@@ -149,7 +149,7 @@ class Diagnosis(Result):
         if len(self.steps) > 1:
             before, after = self.steps[0].rmse["total"], self.steps[-1].rmse["total"]
             found.append(Finding(Kind.ERROR, {"before": before, "after": after, "drop": 1.0 - after / before}))
-        elif self.verdict != "small":
+        elif self.steps and self.verdict != "small":
             found.append(Finding(Kind.ERROR_LEFT, {"rmse": self.steps[0].rmse["total"]}))
         if self.verdict == "missing" and self.unexplained:
             found.append(Finding(Kind.PART_UNEXPLAINED))
