@@ -280,10 +280,11 @@ class TestInClosedLoop:
             "airspeed": Value(0.1, -0.3, 0.5),
             "lead_s": Value(0.1, -0.1, 0.3),
         }
-        nothing = replace(replaced(**none), centre_m={"right": Value(1e-3, -1e-3, 3e-3)}, drag={}, level=None)
+        centre = {"right": Value(1e-3, -1e-3, 3e-3)}
+        nothing = replace(replaced(**none), centre_m=centre, shares=None, drag={}, level=None)
         assert with_rotation(Model(VEHICLE), nothing).effects == ()
         with pytest.raises(SettingsError, match="nothing of the rotation is identified"):
-            with_rotation(Model(VEHICLE), replace(replaced(slope=Value(1.0, -1.0, 3.0)), centre_m={}))
+            with_rotation(Model(VEHICLE), replace(replaced(slope=Value(1.0, -1.0, 3.0)), centre_m={}, shares=None))
 
     def test_a_damping_that_may_be_a_disturbance_of_short_memory_is_not_told(self, found: Rotation) -> None:
         fit = found.axes["yaw"]
