@@ -439,8 +439,8 @@ def figures(compared: Comparison) -> list[Figure]:
 class TestFigures:
     def test_errors_of_forecasts_have_their_intervals(self) -> None:
         drawn = rollout_figure(ROLLOUTS, 2, LIGHT)
-        held, forecast = drawn["data"]
-        assert (held["name"], forecast["name"]) == ("held", "forecast")
+        held, model, forecast = drawn["data"]
+        assert [one["name"] for one in (held, model, forecast)] == ["held", "model", "forecast"]
         of = ROLLOUTS.mean("forecast", 3, 2)
         assert (forecast["y"][3], forecast["error_y"]["array"][3]) == pytest.approx((of.value, of.high - of.value))
         assert drawn["layout"]["yaxis"]["title"]["text"] == "error of rotation / rad"

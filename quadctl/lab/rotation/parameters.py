@@ -290,9 +290,10 @@ def is_told(fit: Estimated) -> bool:
 
 def _damps(fit: Estimated) -> bool:
     """Tell whether the damping is the body's own: where the slow disturbance has the shortest memory that it may have,
-    the rate forgets in place of the disturbance."""
-    shortest = "log_slow_s" in fit.at_bound and fit.values["log_slow_s"].value < 0.0
-    return not shortest or "log_slow" in fit.at_bound
+    a rate that forgets sooner may do so in place of the disturbance."""
+    memory = fit.values["log_slow_s"].value
+    shortest = "log_slow_s" in fit.at_bound and memory < 0.0 and "log_slow" not in fit.at_bound
+    return not shortest or fit.values["damping_1_s"].value * np.exp(memory) < 1.0
 
 
 def fit_rotation(records: Sequence[Record], vehicle: Vehicle) -> Rotation:

@@ -54,7 +54,7 @@ def disagreements(
 ) -> list[Disagreement]:
     """Directions along which accelerometer and velocity disagree; [] where the log has only one of them. The noise of
     the accelerometer's samples (vibration), which is no disagreement, is that `as_logged`, before any was moved."""
-    if not all(log.has(name) for name in (*IMU, *VELOCITY, *ATTITUDE)):
+    if not all(log.has(name) for name in (*IMU, *VELOCITY, *ATTITUDE)) or len(as_logged.updates(*IMU)) < 2:
         return []
     drive = thrust_drive(log, thrust_source)
     sampled = [flight for flight in without(flights, _gaps(log)) if flight[1] - flight[0] > PIECE_S]
@@ -104,7 +104,7 @@ def _pieces(log: FlightLog, drive: Floats | None, flight: Span) -> tuple[Floats,
     jerk = np.gradient(acceleration, STEP_S, axis=1)
     force = acceleration - np.array([[0.0], [0.0], [GRAVITY_M_S2]])
     by_velocity, slope, speed = (np.array(rotate_inverse(heading, tuple(one))) for one in (force, jerk, velocity))
-    read = np.array([_mean_on(grid, log, name, log.updates(name)) for name in IMU])
+    read = _mean_force(grid, log, log.updates(*IMU))
     read -= np.mean(read - np.array(rotate_inverse(lean, tuple(by_velocity))), axis=1, keepdims=True)
     push = np.ones(len(grid)) if drive is None else np.interp(grid, log.time_s, np.nan_to_num(drive))
     thrust = push * (-GRAVITY_M_S2 / max(float(np.median(push)), 1e-9))
@@ -127,17 +127,17 @@ def _noise(log: FlightLog, flight: Span) -> Floats:
     """Mean square of each axis that noise of single samples leaves of the accelerometer, shape (3,): every other sample
     tells the same motion."""
     grid = np.arange(flight[0], flight[1], STEP_S)
-    rows = [log.updates(name) for name in IMU]
-    halves = [np.array([_mean_on(grid, log, n, r[i::2]) for n, r in zip(IMU, rows, strict=True)]) for i in (0, 1)]
+    rows = log.updates(*IMU)
+    halves = [_mean_force(grid, log, rows[i::2]) for i in (0, 1)]
     return np.asarray(np.mean(_quick(0.5 * (halves[0] - halves[1])) ** 2, axis=1))
 
 
-def _mean_on(grid: Floats, log: FlightLog, name: str, rows: NDArray[np.intp]) -> Floats:
-    """Mean of some samples of a fast channel between the times of a clock."""
+def _mean_force(grid: Floats, log: FlightLog, rows: NDArray[np.intp]) -> Floats:
+    """Mean of some samples of the accelerometer between the times of a clock, shape (3, n)."""
     time_s = log.time_s[rows]
-    sums = integral(time_s, log[name][rows])
     edges = np.concatenate([grid - 0.5 * STEP_S, [grid[-1] + 0.5 * STEP_S]])
-    return np.asarray(np.diff(np.interp(edges, time_s, sums)) / STEP_S)
+    sums = (integral(time_s, log[name][rows]) for name in IMU)
+    return np.array([np.diff(np.interp(edges, time_s, sum_)) / STEP_S for sum_ in sums])
 
 
 def _beside(values: Floats, by_thrust: Floats, speed: Floats) -> Floats:

@@ -288,12 +288,14 @@ class TestInClosedLoop:
 
     def test_a_damping_that_may_be_a_disturbance_of_short_memory_is_not_told(self, found: Rotation) -> None:
         fit = found.axes["yaw"]
-        for memory, at_bound, own in (
-            (-1.5, {"log_slow_s"}, False),
-            (-1.5, {"log_slow_s", "log_slow"}, True),  # there is no such disturbance
-            (3.0, {"log_slow_s"}, True),
+        for memory, damping, at_bound, own in (
+            (-1.5, 8.0, {"log_slow_s"}, False),
+            (-1.5, 0.8, {"log_slow_s"}, True),  # the rate remembers for longer
+            (-1.5, 8.0, {"log_slow_s", "log_slow"}, True),  # there is no such disturbance
+            (3.0, 8.0, {"log_slow_s"}, True),
         ):
             values = fit.values | {"log_slow_s": Value(memory, memory - 1.0, memory + 1.0)}
+            values["damping_1_s"] = Value(damping, damping - 0.5, damping + 0.5)
             short = replace(fit, values=values, at_bound=frozenset(at_bound))
             told = replace(found, axes=found.axes | {"yaw": short}).told("yaw")
             assert ("damping_1_s" in told) == own and "slope" in told
