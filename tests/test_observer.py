@@ -10,7 +10,7 @@ import yaml
 
 from quadctl.effects.motor_lag import lagged as lagged_by_hats
 from quadctl.errors import SettingsError
-from quadctl.lab.rotation.innovations import Noise
+from quadctl.lab.rotation.innovations import Noise, rate_filter
 from quadctl.model import Model, load_model, model_to_dict, save_model
 from quadctl.observer import AXES, AxisNoise, Observer, delayed, lagged, rolled_out, steady_filter
 from quadctl.vehicle import Vehicle
@@ -33,7 +33,7 @@ class TestSteadyFilter:
         self, quick_s: float, slow_s: float, slow: float, sensor: float
     ) -> None:
         """SciPy's solution, whose unit is the quick disturbance."""
-        expected, size = Noise(quick_s, slow_s, slow, sensor).of_rate(0.0, 0.01), 7.0
+        expected, size = rate_filter(Noise(quick_s, slow_s, slow, sensor), 0.0, 0.01), 7.0
         transition, gain = steady_filter(np.array([size, quick_s, size * slow, slow_s, size * sensor]), 0.01)
         assert transition == pytest.approx(expected.transition, abs=1e-12)
         assert transition @ gain == pytest.approx(expected.gain, rel=1e-7, abs=1e-9)

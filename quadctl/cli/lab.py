@@ -118,17 +118,16 @@ def compare(
     model, logs = model_and_logs(files)
     study = _study(model, logs)
     result = study.compare()
-    if rollouts:
+    _answer(result, study, json_out)
+    _report(html, comparison=result)
+    if rollouts:  # a refusal of forecasts loses nothing of the comparison
         from quadctl.lab.rotation import interface
         from quadctl.lab.rotation.words import forecasts
 
         with console.status("forecasting the whole state"):
             unseen = interface.rollouts(study.model, logs)
-        _answer(result, study, json_out, rollouts=unseen.to_dict())
         console.print(forecasts(unseen))
-    else:
-        _answer(result, study, json_out)
-    _report(html, comparison=result)
+        write_json(json_out, result.to_dict() | {"rollouts": unseen.to_dict()})
 
 
 @app.command()

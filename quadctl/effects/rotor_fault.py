@@ -132,6 +132,8 @@ class UnequalRotors(RotorShares):
     @classmethod
     def from_values(cls, values: Mapping[str, Any], source: str) -> Self:
         named = [int(found[1]) for name in values if (found := re.fullmatch(r"share_([1-9]\d?)", name))]
+        if values and not named:
+            named = [1]  # as an example for the refusal of another name
         # Every class that `_of` makes is an UnequalRotors, and has the inherited method.
         return cast(Self, super(UnequalRotors, _of(tuple(sorted(named)))).from_values(values, source))
 

@@ -77,7 +77,7 @@ def rows_of_one_log(sizes: Sequence[int] = ONE_LOG) -> Iterator[Row]:
 
 
 def _in_a_process(*arguments: str) -> dict[str, float]:
-    """What this module measures in a process of its own."""
+    """Measurement of this module in a process of its own."""
     run = subprocess.run([sys.executable, __file__, *arguments], check=True, capture_output=True, text=True)
     measured: dict[str, float] = json.loads(run.stdout)
     return measured

@@ -14,6 +14,7 @@ import yaml
 
 from quadctl import __version__
 from quadctl.effects.ground_effect import Exponential
+from quadctl.errors import LogError
 from quadctl.lab.study import HoldOutError
 from quadctl.logs.csv_log import write_csv
 from quadctl.model import Model, load_model
@@ -64,6 +65,17 @@ class TestCommands:
         assert "rollouts" not in quadctl("compare", VEHICLE, log).out
         both = quadctl("compare", log, "--sensors", "--rollouts")
         assert both.status != 0 and "--rollouts" in both.err
+
+    def test_a_refusal_of_forecasts_loses_nothing_of_the_comparison(
+        self, quadctl: Callable[..., Result], log: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        def refuse(logs: object, model: object) -> None:
+            raise LogError("waves.csv: too brief")
+
+        monkeypatch.setattr("quadctl.lab.rotation.interface.forecast_unseen", refuse)
+        shown = quadctl("compare", VEHICLE, log, "--rollouts", "--json", tmp_path / "c.json")
+        assert shown.status == 1 and "too brief" in shown.err and "Acceleration error" in shown.out
+        assert json.loads((tmp_path / "c.json").read_text())["flights"] == ["waves.csv"]
 
     def test_compare_writes_the_contract(self, quadctl: Callable[..., Result], log: Path, tmp_path: Path) -> None:
         assert quadctl("compare", VEHICLE, log, "--json", tmp_path / "c.json").status == 0

@@ -382,6 +382,11 @@ def test_unequal_rotors_share_what_is_left_and_turn_the_body_also_about_yaw(rapt
     assert abs(moment[2]) > 1e-4 and shifted[2] == pytest.approx(0.0)
 
 
+def test_a_share_of_no_rotor_is_refused_by_the_name_that_was_expected() -> None:
+    with pytest.raises(SettingsError, match=r"model: rotor_fault.unequal has no parameter 'share_0'.*'share_1'"):
+        UnequalRotors.from_values({"share_0": 1.1}, "model")
+
+
 def test_a_weak_rotor_beside_others_that_are_alike_is_one_of_unequal_rotors(raptor: Vehicle) -> None:
     weak, scaled = WeakRotor(loss=0.1, rotor=2.0), 4.0 / 3.9
     unequal = UnequalRotors.of({2: 0.9 * scaled})

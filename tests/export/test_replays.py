@@ -70,7 +70,7 @@ PARTS = (slice(3), slice(3, 6), slice(6, 10), slice(10, 13))
 
 
 def written(model: Model) -> dict[str, Any]:
-    """What is in the NumPy file."""
+    """Names that the NumPy file defines."""
     place: dict[str, Any] = {}
     exec(numpy_code(model)[0], place)
     return place

@@ -17,6 +17,7 @@ from quadctl.lab.rotation.innovations import (
     earlier,
     estimate,
     first_order,
+    force_filter,
     noise_of,
 )
 from quadctl.lab.rotation.records import Record
@@ -53,7 +54,7 @@ def fit_drag(records: Sequence[Record], axis: int) -> Estimated:
         def regress(x: Floats) -> list[Regression]:
             made = []
             for signals, step_s in flights:
-                white = noise_of(x).of_force(step_s).whitened(signals[: 2 + len(linear)])
+                white = force_filter(noise_of(x), step_s).whitened(signals[: 2 + len(linear)])
                 white = white[:, round(SETTLED_S / step_s) :]
                 columns = white[2:].T
                 before = earlier(columns, round(GUST_PUSHES_S / step_s))
@@ -90,7 +91,7 @@ def _velocity_error(records: Sequence[Record], axis: int, found: Estimated) -> f
         forcing = means(GRAVITY_M_S2 * r.down[:, axis] + turned, rows)
         speed = means(r.airspeed[:, axis], rows)
         own = first_order(forcing, drag, step_s)
-        white = steady.of_force(step_s).whitened(np.array([speed, own, np.ones(len(speed))]))
+        white = force_filter(steady, step_s).whitened(np.array([speed, own, np.ones(len(speed))]))
         speed, own, one = white[:, round(SETTLED_S / step_s) :]
         speed, own = (x - one * (one @ x) / (one @ one) for x in (speed, own))
         whole += float(speed @ speed)

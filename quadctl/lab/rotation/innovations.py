@@ -157,21 +157,25 @@ class Noise:
     """Standard deviation of the sensor's noise, each sample."""
 
     @property
-    def _diffusion(self) -> tuple[float, float]:
+    def diffusion(self) -> tuple[float, float]:
+        """Spectral densities of what drives the quick and the slow disturbance."""
         return 2.0 / self.quick_s, 2.0 * self.slow**2 / self.slow_s
 
-    @lru_cache(maxsize=64)  # noqa: B019 - most steps of a search vary something else; a noise is four numbers
-    def of_force(self, step_s: float) -> SteadyFilter:
-        """Filter of the disturbances that a sensor measures themselves. Its first state is their sum."""
-        drift = np.array([[-1.0 / self.quick_s, 1.0 / self.quick_s - 1.0 / self.slow_s], [0.0, -1.0 / self.slow_s]])
-        quick, slow = self._diffusion
-        return steady_filter(drift, np.array([[quick + slow, slow], [slow, slow]]), self.sensor**2, step_s)
 
-    @lru_cache(maxsize=64)  # noqa: B019
-    def of_rate(self, damping_1_s: float, step_s: float) -> SteadyFilter:
-        """Filter of a rate that the disturbances drive, and that damps itself. Its last state is the slow one."""
-        drift = np.array([[-damping_1_s, 1.0, 1.0], [0.0, -1.0 / self.quick_s, 0.0], [0.0, 0.0, -1.0 / self.slow_s]])
-        return steady_filter(drift, np.diag([0.0, *self._diffusion]), self.sensor**2, step_s)
+@lru_cache(maxsize=64)  # most steps of a search vary something else than the noise
+def force_filter(noise: Noise, step_s: float) -> SteadyFilter:
+    """Filter of the disturbances that a sensor measures themselves. Its first state is their sum."""
+    fast, slowly = 1.0 / noise.quick_s, 1.0 / noise.slow_s
+    quick, slow = noise.diffusion
+    drift = np.array([[-fast, fast - slowly], [0.0, -slowly]])
+    return steady_filter(drift, np.array([[quick + slow, slow], [slow, slow]]), noise.sensor**2, step_s)
+
+
+@lru_cache(maxsize=64)
+def rate_filter(noise: Noise, damping_1_s: float, step_s: float) -> SteadyFilter:
+    """Filter of a rate that the disturbances drive, and that damps itself. Its last state is the slow one."""
+    drift = np.array([[-damping_1_s, 1.0, 1.0], [0.0, -1.0 / noise.quick_s, 0.0], [0.0, 0.0, -1.0 / noise.slow_s]])
+    return steady_filter(drift, np.diag([0.0, *noise.diffusion]), noise.sensor**2, step_s)
 
 
 NOISE_NAMES = ("log_quick_s", "log_slow_s", "log_slow", "log_sensor")

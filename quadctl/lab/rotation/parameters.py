@@ -28,6 +28,7 @@ from quadctl.lab.rotation.innovations import (
     first_order,
     held_response,
     noise_of,
+    rate_filter,
 )
 from quadctl.lab.rotation.records import Delayed, Record
 from quadctl.lab.rotation.shares import Shares, fit_shares
@@ -121,7 +122,7 @@ def fit_axis(
     ]
 
     def regress(x: Floats) -> list[Regression]:
-        noise = {s: noise_of(x[3:7]).of_rate(x[0], s) for s in {r.measured_s for r in records}}
+        noise = {s: rate_filter(noise_of(x[3:7]), x[0], s) for s in {r.measured_s for r in records}}
         acts = (x[1], x[2], 0.0) if late is None else (late[0], x[2], x[1])
         return [f.regression(x[0], acts, x[7:], noise[f.record.measured_s]) for f in flights]
 

@@ -15,7 +15,7 @@ from scipy.signal import lfilter
 
 from quadctl.frames import GRAVITY_M_S2, multiply, rotate, rotate_inverse
 from quadctl.lab.arrays import Floats
-from quadctl.lab.rotation.innovations import SteadyFilter, first_order, noise_of
+from quadctl.lab.rotation.innovations import SteadyFilter, first_order, noise_of, rate_filter
 from quadctl.lab.rotation.model import UNBALANCED
 from quadctl.lab.rotation.rollout import State, Track
 from quadctl.model import Model, conditions
@@ -147,12 +147,12 @@ def _axis(signals: Sequence[Floats], step_s: float) -> AxisNoise:
     """Noise that forecasts signals of shape (n,) best."""
 
     def errors(x: Floats) -> Floats:
-        steady = noise_of(x).of_rate(0.0, step_s)
+        steady = rate_filter(noise_of(x), 0.0, step_s)
         return np.concatenate([_forecast_errors(signal, steady, step_s) for signal in signals])
 
     steps = np.full(len(START), 1e-3)
     noise = noise_of(least_squares(errors, START, bounds=(LOWEST, HIGHEST), diff_step=steps, ftol=1e-5).x)
-    steady = noise.of_rate(0.0, step_s)
+    steady = rate_filter(noise, 0.0, step_s)
     innovations = np.concatenate([steady.whitened(signal) for signal in signals])
     size = float(np.sqrt(np.mean(innovations**2) / steady.variance))
     quick, slow, sensor = (float(x) for x in np.clip([size, noise.slow * size, noise.sensor * size], *SIZES))

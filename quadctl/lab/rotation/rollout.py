@@ -7,7 +7,6 @@ observer knows no later sample than the start.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,7 +14,7 @@ from scipy.signal import lfilter
 
 from quadctl.frames import GRAVITY_M_S2, multiply, rotate
 from quadctl.lab.arrays import Floats
-from quadctl.lab.rotation.innovations import Noise, SteadyFilter, first_order
+from quadctl.lab.rotation.innovations import Noise, first_order, rate_filter
 from quadctl.lab.rotation.parameters import differences
 from quadctl.lab.rotation.records import Delayed
 from quadctl.vehicle import Vehicle
@@ -178,17 +177,12 @@ def disturbance(
     quick: list[Floats] = []
     slow: list[Floats] = []
     for signal, one, damping in zip(signals, noise, damping_1_s, strict=True):
-        steady = _steady(one, damping, step_s)
+        steady = rate_filter(one, damping, step_s)
         innovations = steady.whitened(signal)
         update = np.linalg.solve(steady.transition, steady.gain)
         for state, found in ((1, quick), (2, slow)):
             found.append(lfilter([update[state]], [1.0, -steady.transition[state, state]], innovations))
     return Disturbance(np.array(quick).T, np.array(slow).T, noise)
-
-
-@lru_cache(maxsize=64)
-def _steady(noise: Noise, damping_1_s: float, step_s: float) -> SteadyFilter:
-    return noise.of_rate(damping_1_s, step_s)
 
 
 @dataclass(frozen=True)

@@ -14,6 +14,7 @@ from quadctl.lab.rotation.innovations import (
     Estimated,
     Regression,
     first_order,
+    force_filter,
     noise_of,
 )
 from quadctl.lab.rotation.records import Delayed, Record
@@ -98,7 +99,7 @@ def _elasticity(records: Sequence[Record], lag_s: float, by_voltage: bool, *, cl
                 told[0] -= x[5] * fallen[2]
             bend, *others = r.as_measured(np.vstack([told, np.ones(len(force))]))
             signals = r.without_shared(np.array([force[:: r.every] + bend, *others]), x[len(names) :])
-            white = noise_of(x[1:5]).of_force(r.measured_s).whitened(signals)
+            white = force_filter(noise_of(x[1:5]), r.measured_s).whitened(signals)
             white = white[:, round(SETTLED_S / r.measured_s) :]
             made.append(Regression(white[0], white[1:-1].T, white[-1:].T))
         return made

@@ -141,8 +141,8 @@ def _mean_force(grid: Floats, log: FlightLog, rows: NDArray[np.intp]) -> Floats:
 
 
 def _beside(values: Floats, by_thrust: Floats, speed: Floats) -> Floats:
-    """What the thrust and a drag by `speed` leave of a force, shape (axes, n) each, by the gain of the thrust that fits
-    best; near 1, as the drive that carries the weight is known, but a thrust line may have another slope."""
+    """Remainder of a force beside thrust and a drag by `speed`, shape (axes, n) each, by the best gain of the thrust;
+    near 1, as the drive that carries the weight is known, but a thrust line may have another slope."""
     x = speed.T
     values, thrust = ((one.T - x @ np.linalg.lstsq(x, one.T, rcond=None)[0]).T for one in (values, by_thrust))
     power = float(np.vdot(thrust, thrust))

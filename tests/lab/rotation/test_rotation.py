@@ -25,7 +25,7 @@ from quadctl.errors import SettingsError
 from quadctl.frames import GRAVITY_M_S2
 from quadctl.lab import identify_rotation
 from quadctl.lab.arrays import Floats
-from quadctl.lab.rotation.innovations import Noise, first_order
+from quadctl.lab.rotation.innovations import Noise, first_order, rate_filter
 from quadctl.lab.rotation.model import with_rotation
 from quadctl.lab.rotation.parameters import Rotation, differences, fit_rotation
 from quadctl.lab.rotation.records import Delayed, Record
@@ -77,8 +77,8 @@ class TestFilters:
                 rate += fine * (quick + slow - damping * rate)
                 quick += -fine * quick / noise.quick_s + np.sqrt(2.0 * fine / noise.quick_s) * a
                 slow += -fine * slow / noise.slow_s + noise.slow * np.sqrt(2.0 * fine / noise.slow_s) * b
-        left = noise.of_rate(damping, step_s).whitened(seen)[500:]
-        wrong = Noise(0.03, 1.5, 0.02, 0.02).of_rate(damping, step_s).whitened(seen)[500:]
+        left = rate_filter(noise, damping, step_s).whitened(seen)[500:]
+        wrong = rate_filter(Noise(0.03, 1.5, 0.02, 0.02), damping, step_s).whitened(seen)[500:]
 
         def correlation(x: Floats) -> float:
             return max(abs(float(x[k:] @ x[:-k] / (x @ x))) for k in (1, 2, 5, 20))
@@ -86,13 +86,13 @@ class TestFilters:
         assert correlation(left) < 0.03 < correlation(wrong)
 
     def test_a_disturbance_that_is_gone_within_a_step_is_one_of_each_step_by_itself(self) -> None:
-        """What fades by e^60 within a step must not hide the slow part beside it in round-off."""
+        """A part that fades by e^60 within a step must not hide the slow one beside it in round-off."""
         step_s, quick_s = 0.02, 3.4e-4
-        found = Noise(quick_s, 4.0, 1e-3, 150.0).of_rate(0.9, step_s)
+        found = rate_filter(Noise(quick_s, 4.0, 1e-3, 150.0), 0.9, step_s)
         assert np.all(np.abs(np.linalg.eigvals(found.transition)) < 1.0)
         assert found.transition[0] == pytest.approx([np.exp(-0.9 * step_s), quick_s, step_s], rel=0.03)
         assert 0.0 < found.gain[0] < 1e-6  # of a sensor that tells nothing the filter takes nothing
-        told = Noise(quick_s, 4.0, 1e-3, 1e-6).of_rate(0.9, step_s)
+        told = rate_filter(Noise(quick_s, 4.0, 1e-3, 1e-6), 0.9, step_s)
         assert told.gain[0] == pytest.approx(1.0, abs=0.02)
 
 
