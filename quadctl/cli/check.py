@@ -54,7 +54,8 @@ def check(
         Reads(),
         typer.Argument(
             metavar="[VEHICLE.yaml] MISSION",
-            help="Mission file or name (figure8); before it a vehicle file [default: of the model or configuration].",
+            help="Mission file or name (figure8), optionally preceded by a vehicle file [default: from model or "
+            "configuration].",
             callback=_found,
         ),
     ],

@@ -51,7 +51,7 @@ HiddenOption = Annotated[
     typer.Option(
         "--hidden",
         metavar="FILE",
-        help="In simulation: effects that the controller does not know, by a file of hidden effects or a model.",
+        help="In simulation: effects that the controller does not know, from a file of hidden effects or a model.",
         callback=find,
     ),
 ]

@@ -32,13 +32,13 @@ def inspect_logs(
     by_map: Annotated[
         Path | None,
         Reads(),
-        typer.Option("--map", metavar="MAP.yaml", help="Read tables of another program by this map.", callback=find),
+        typer.Option("--map", metavar="MAP.yaml", help="Column map for tables of another program.", callback=find),
     ] = None,
     guess: Annotated[bool, typer.Option("--guess", help="Propose a map of one table, and print it.")] = False,
     plot: Annotated[
         Path | None,
         Writes(),
-        typer.Option("--plot", metavar="PNG", help="Draw what each channel says beside what others say."),
+        typer.Option("--plot", metavar="PNG", help="Plot each channel against what the others predict."),
     ] = None,
     json_out: JsonOption = None,
 ) -> None:

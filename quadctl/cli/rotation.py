@@ -28,7 +28,8 @@ def rotation(
 ) -> None:
     """Identify the rotational dynamics from logs.
 
-    Moment gains, rotor lag, damping and thrust map follow from commands and IMU; a position is not needed.
+    Moment gains, rotor lag, damping and thrust map follow from commands and IMU, logged at 100 Hz or more in flights
+    that turn a lot; a position is not needed.
     """
     from quadctl.lab.rotation import interface
     from quadctl.lab.rotation.words import answer, forecasts

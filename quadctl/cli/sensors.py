@@ -23,7 +23,7 @@ SensorsOption = Annotated[
     bool,
     typer.Option(
         "--sensors",
-        help="Diagnose barometer and range finder instead of the model.",
+        help="Judge barometer and range finder instead of the model.",
     ),
 ]
 PlotOption = Annotated[

@@ -192,8 +192,8 @@ class Push(Effect):
     source: ClassVar[str] = "Galilean relativity; drag of a speed that is small beside the wind's"
     depends_on: ClassVar[tuple[str, ...]] = ()
     physics: ClassVar[str] = (
-        "A steady wind on a vehicle that moves little: a push with its own direction over ground. How fast the wind is "
-        "these flights do not tell, only its product with the drag."
+        "A steady wind on a vehicle that moves little: a push with its own direction over ground. Only the product "
+        "of wind speed and drag is identified."
     )
     distinguished_by: ClassVar[str] = "headings that differ, and runs as fast as the wind, which tell its speed"
     mission: ClassVar[str] = "missions/headings.yaml"

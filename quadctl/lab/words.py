@@ -64,7 +64,7 @@ TEMPLATES: Mapping[Kind, Template] = {
     "{largest_deg:.1f}° ({flights:leans}): without an accelerometer the two are alike. It has been taken out.",
     Kind.UNTRIED: "{effect} (it needs {variable:span} over a range of {needed:g} {unit}; in these data {span:.2g})",
     Kind.UNTRIED_FOLLOWS: "{effect} (it needs manoeuvres that change {variable:span} by {needed:g} {unit}; in these "
-    "data the controller's answers to disturbances change it most)",
+    "data mostly the controller's disturbance rejection changes it)",
     Kind.NOT_FITTED: "it was not fitted, as to first order it explains no more than noise",
     Kind.NO_DROP: "it does not reduce the held-out error",
     Kind.NOT_SIGNIFICANT: "its gain is not significant: p {p:p}, expected below {limit:g}",

@@ -67,7 +67,7 @@ COMPENSATION = By(
 )
 """Part of ArduPilot's way from thrust to output."""
 ELSEWHERE = "rotor speeds are not read, thrust is taken from another signal"
-DISAGREE = "velocity and accelerometer disagree ({by} m/s^2), and thrust and attitude side with the "
+DISAGREE = "velocity and accelerometer disagree ({by} m/s^2), and thrust and attitude agree with the "
 
 _SIDES = (("ahead of", "behind"), ("right of", "left of"), ("below", "above"))
 
@@ -285,8 +285,8 @@ class Kind(Kinds, words=_WORDS):
     GAPS = "{seconds:.1f} s without new values (gaps over {longest_s:.1f} s) are left out"
     CLOCK_JUMP = "the clock jumps by {by_s:seconds} at {spans:instants}, as the positions on both sides show"
     INTERPOLATED = (
-        "{channel}: rows at {rows_hz:.0f} Hz are drawn between packets of at most {at_most_hz:.0f} Hz; the packets "
-        "count"
+        "{channel}: rows at {rows_hz:.0f} Hz are interpolated between packets of at most {at_most_hz:.0f} Hz; only "
+        "packets count"
     )
     EXTRAPOLATED = (
         "{channel} follows a straight line {spans:stretches}: drawn by a program, not measured; left out there"
@@ -310,7 +310,7 @@ class Kind(Kinds, words=_WORDS):
                     "attitude": ", and so does the motion: the attitude is early (is it a setpoint?), and is put on "
                     "their clock"
                 },
-                ": put on its clock; the rotors' signal comes by a way of its own, which nothing checks as closely",
+                ": shifted to its clock; the delay of the rotors' signal is less certain",
             ),
         ),
     )

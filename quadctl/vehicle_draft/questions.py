@@ -40,7 +40,7 @@ ITS_NUMBERS = {
     "propeller_m": PROPELLER,
     "thrust_n_per_rpm2": Question("Thrust of a rotor / N per rpm²", *limits(Rotor, "thrust_n_per_rpm2")),
     "per_newton": Question("Throttle per newton of thrust", *limits(ThrottleCurve, "per_newton")),
-    "offset": Question("Throttle without thrust", *limits(ThrottleCurve, "offset")),
+    "offset": Question("Throttle at zero thrust", *limits(ThrottleCurve, "offset")),
     "max_thrust_per_rotor_n": Question("Most thrust of a rotor / N", *limits(ThrottleCurve, "max_thrust_per_rotor_n")),
 }
 """Questions about the numbers of a known vehicle."""

@@ -285,7 +285,7 @@ def test_px4_is_told_to_trust_dead_reckoning_for_a_second_and_no_longer() -> Non
         assert asyncio.run(fly(link, set_parameters=False)) == 5e6
         (warning,) = says
         assert warning.startswith("EKF2_NOAID_TOUT is 5000000 on PX4")
-        assert "expected 1000000: for so many microseconds PX4 flies on by dead reckoning when GPS" in warning
+        assert "expected 1000000: the time in microseconds for which PX4 flies on by dead reckoning when GPS" in warning
         says.clear()
         assert asyncio.run(fly(link, set_parameters=True)) == 1e6
         assert link.px.autopilot.parameters["EKF2_NOAID_TOUT"] == 5e6

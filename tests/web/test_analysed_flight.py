@@ -185,7 +185,7 @@ def test_two_models_lie_over_each_other(visitor: Visitor, session: Path, tmp_pat
     visitor.click("[role=tab]:has-text('Over time')")
     figure = visitor.figure("Flight over time")
     assert visitor.points(figure, f"step 2: + {ADDED}") == 0
-    visitor.page.get_by_label("Compare with another model").last.click()
+    visitor.page.get_by_label("Another model").last.click()
     visitor.click("[role=option]:has-text('step 2')")
     visitor.page.wait_for_function(_HAS_CURVE, arg=f"step 2: + {ADDED}")
     visitor.page.locator(".beside input[type=file]").set_input_files(exported)

@@ -599,7 +599,7 @@ class TestOpenTab:
         tab.follow(views["the evidence for an effect"])
         assert len(tab.figures) == before + 1
         assert "What else was tried, and why it lost" in str(tab.shown)
-        assert "Ground effect is told from its confounded effects by hovering at many heights" in str(tab.shown)
+        assert "Ground effect is distinguished from confounded effects by hovering at many heights" in str(tab.shown)
         tab.follow(views["at first"])
         assert len(tab.figures) == before
 
@@ -612,7 +612,7 @@ class TestOpenTab:
         suggestion = views["a suggestion"].results.suggestion
         known = str(tabs("missing", replace(view, results=replace(view.results, suggestion=suggestion))).shown)
         assert "this mission tells most" in known
-        assert "Ground effect is told from its confounded effects" not in known  # which is another question
+        assert "Ground effect is distinguished from confounded effects" not in known  # which is another question
         assert command not in known
 
     def test_an_effect_in_the_model_has_evidence_too(
@@ -739,7 +739,7 @@ class TestOpenTab:
         optimum = replace(evaluation.solution.optimum, nuisances=nuisances)
         limited = replace(evaluation, solution=replace(evaluation.solution, optimum=optimum))
         (at_limit,) = at_limits(limited, None)
-        assert str(at_limit) == "At the limit of what is usual for a flight: thrust (1.csv)."
+        assert str(at_limit) == "Per-flight bias at its bound: thrust (1.csv)."
         found = views["at first"].results.found
         assert found is not None
         for p_value, more in ((0.04, [fact(Said.MORE_IS, family="thrust_scale", p=0.04)]), (1e-5, [])):
@@ -943,7 +943,7 @@ class TestOpenTab:
         results = replace(view.results, evaluation=replace(evaluation, solution=solution))
         shown = str(tabs("missing", replace(view, results=results)).shown)
         assert limit in shown and "'+1.50 *'" in shown and "'0.00'" in shown
-        assert "At the limit of what is usual for a flight: thrust (" in shown  # outside of what is folded
+        assert "Per-flight bias at its bound: thrust (" in shown  # outside of what is folded
         assert "more thrust is a thrust scale" in shown and "more height" not in shown
 
     def test_offsets_that_differ_from_flight_to_flight_are_said_beside_the_agreement(

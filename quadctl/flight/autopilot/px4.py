@@ -119,7 +119,7 @@ PX4 = Firmware(
         Requirement(
             "EKF2_NOAID_TOUT",
             lambda value: min(value, UNAIDED_US),
-            "for so many microseconds PX4 flies on by dead reckoning when GPS or motion capture is lost",
+            "the time in microseconds for which PX4 flies on by dead reckoning when GPS or motion capture is lost",
             advice=True,
             finding="without GPS or motion capture the estimator trusts itself for {meaning:g} s",
             meaning=lambda us: 1e-6 * us,

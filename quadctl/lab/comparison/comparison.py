@@ -96,7 +96,7 @@ class Comparison(Result):
     def __rich__(self) -> RenderableType:
         widths = ", ".join(sorted({f"{flight.bandwidth_hz:.1f}" for flight in self.dataset.flights}))
         error, floor = quantity(self.rmse["total"]), roughly(self.noise_floor["total"])
-        of = f"Acceleration error of {self.model.name}"
+        of = f"Acceleration error of {self.model.name}, per-flight bias included"
         lines: list[str | Fact] = [
             f"{of}: {error}; reference error (a regression on all logged variables): {floor}.",
             self.variance,

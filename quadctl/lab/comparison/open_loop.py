@@ -74,9 +74,9 @@ class OpenLoop:
 
 def open_loop_table(by_horizon: Sequence[OpenLoop]) -> Table:
     """Table of the errors of position and velocity, with those of a constant velocity for comparison."""
-    table = Table(title="Open-loop prediction, error (RMSE)", title_justify="left")
-    table.add_column("after")
-    for name in ("horizontal,\nm", "up,\nm", "position,\nm [95 %]", "velocity,\nm/s", "velocity held,\nm"):
+    table = Table(title="Open-loop prediction, error (RMSE) / m, m/s", title_justify="left")
+    table.add_column("after", no_wrap=True)
+    for name in ("horizontal", "up", "position [95 %]", "velocity", "velocity held"):
         table.add_column(name, justify="right", no_wrap=True)
     for e in by_horizon:
         parts = (e.position["horizontal"], e.position["up"])

@@ -12,7 +12,7 @@ from quadctl.lab.flights.preparation import BLOCK_S
 from quadctl.words import By, Fact, Format, Kinds, Template, When, Words, fact
 
 UNIT = "m/s²"
-FLOOR = "held-out error of a regression on all logged variables, the lowest over all steps"
+FLOOR = "held-out error of a regression on all logged variables, the lowest of all model steps"
 """Meaning of the reference error; the steps are the models that were compared on these flights."""
 NO_PARAMETERS = "no free parameters"
 ERRORS = {"total": "acceleration error", "turning": "moment error", "sensing": "accelerometer error"}
@@ -255,7 +255,7 @@ class Said(Kinds, words=Words(FORMATS)):
     ERROR_ALONG = "{axis} ({error_m_s2:m/s²}, {share:percent} of the squared error)"
     DIFFER = "Under this model the flights differ."
     AGREE = "Under this model the flights agree."
-    MAY_AGREE = "Whether the flights agree under this model is not known."
+    MAY_AGREE = "Not known: whether the flights agree under this model."
     AS_LARGE = (
         "Under this model the error has the same size in each flight; whether its cause is the same is not known."
     )
@@ -275,7 +275,7 @@ class Said(Kinds, words=Words(FORMATS)):
     )
     ERRORS = "its error is {judged_m_s2:m/s²} on {judged:flights} and {reference_m_s2:m/s²} on {reference:flights}"
     TOO_SHORT = "one of them is too short for an interval"
-    MAY_BE_MORE = f"the difference is {{ci95:range}}, and to be as well it must be below {_LIMIT}"
+    MAY_BE_MORE = f"the difference is {{ci95:range}}; 'as well' needs less than {_LIMIT}"
     IS_LESS = f"the difference is {{ci95:range}}, below {_LIMIT}"
     SHIFT = (
         "the mean residual {axis}",
@@ -311,7 +311,8 @@ class Said(Kinds, words=Words(FORMATS)):
     THRUST_ASSUMED = "{names:Listed} assumed: a wrong mass or thrust would look the same"
     ASSUMED = "Assumed, and not measured: {names:listed}"
     OPEN_LOOP = (
-        "After {horizon_s:g} s the predicted position is off by {position} (velocity held constant: {held_m:.3g} m)."
+        "After {horizon_s:g} s the predicted position is off by {position} (at constant velocity it would be "
+        "{held_m:.3g} m)."
     )
     LOOKS_LIKE = "Looks like {families:families}: these data do not distinguish them."
 

@@ -146,14 +146,14 @@ class Suggestion(Result):
     def __rich__(self) -> RenderableType:
         telling = [option for option in self.options if option.tells_more]
         shown = (telling or self.options)[:SHOWN_OPTIONS]
-        title = f"{len(telling)} of {len(self.options)} missions would tell more; the best, added to these data"
+        title = f"{len(telling)} of {len(self.options)} missions would tell more; the best, if added to these logs"
         table = Table(title=title, title_justify="left")
         table.add_column("mission", no_wrap=True)
         for one, other in self.pairs:
             table.add_column(f"{one}\nor {other}", justify="right")
         if self.width is not None:
             table.add_column(
-                f"{self.parameter}\n(now {_plus_minus(self.width)},\nto first order)", justify="right", overflow="fold"
+                f"{self.parameter}\n(now {_plus_minus(self.width)},\nlinearised)", justify="right", overflow="fold"
             )
         if self.untried:
             table.add_column("untried effects\nit would show", justify="right")
@@ -392,4 +392,4 @@ def _ordered(options: Sequence[Option]) -> list[Option]:
 
 
 def _plus_minus(width: float) -> str:
-    return f"±{width / 2.0:.0%}" if width < UNKNOWN else "unknown"
+    return f"±{50.0 * width:.2g}%" if width < UNKNOWN else "unknown"

@@ -8,10 +8,11 @@ from rich.text import Text
 from quadctl.lab.rotation.parameters import MOST_UNKNOWN, Rotation
 from quadctl.lab.rotation.rollout_errors import FORECAST_ERRORS, FORECAST_HOLDS, FORECAST_OF, Unseen
 from quadctl.lab.rotation.value import Value
+from quadctl.words import count
 
 ROWS = (
-    ("gain", "moment gain", "rad/s² per weight of thrust difference"),
-    ("slope", "the same by the command", "rad/s² per relative difference of the commands"),
+    ("gain", "moment gain", "rad/s² per (thrust difference / weight)"),
+    ("slope", "gain from command", "rad/s² per relative difference of the commands"),
     ("damping_1_s", "damping of the rate", "1/s"),
     ("airspeed", "moment by airspeed", "rad/s² per m/s"),
     ("lag_s", "rotor lag", "s"),
@@ -24,7 +25,9 @@ INERTIA = ("inertia", "kg m²")
 def answer(found: Rotation) -> RenderableType:
     """Table of the parameters of each axis with 95 % intervals, and sentences on thrust, rotors and what is not
     told."""
-    table = Table(title=f"Rotation, from {len(found.names)} flights: value [95 % interval]", title_justify="left")
+    table = Table(
+        title=f"Rotation, from {count(len(found.names), 'flight')}: value [95 % interval]", title_justify="left"
+    )
     for heading in ("", *found.axes, "unit"):
         table.add_column(heading, overflow="fold")
     told = {axis: found.told(axis) for axis in found.axes}
@@ -78,7 +81,8 @@ def _unbalanced(found: Rotation) -> list[str]:
     if half is not None and np.all(np.isfinite(half)):
         own = ", ".join(f"{100 * (s - 1):+.1f} ± {100 * h:.1f} %" for s, h in zip(found.share, half, strict=True))
         lines.append(
-            f"The rotors' commands beyond the mean: {own}; by unequal rotors, a centre of mass off the middle, or wind."
+            f"Rotor commands relative to their mean: {own}; caused by unequal rotors, a centre of mass off the middle, "
+            "or wind."
         )
     if found.centre_m:
         off = ", ".join(
@@ -93,9 +97,10 @@ def _unbalanced(found: Rotation) -> list[str]:
         )
         which = "the unequal rotors" if found.shares.turns else "the centre of mass, if any"
         lines += [
-            f"As unequal rotors, with a centre of mass in the middle and no wind: thrusts {shares} beyond the mean.",
-            "These two look alike about roll and pitch. About yaw, where a centre of mass turns nothing, is "
-            f"{found.shares.yaw} of the moment of half of the rotors: a model gets {which}.",
+            "As unequal rotors, with a centre of mass in the middle and no wind: thrusts "
+            f"{shares} relative to their mean.",
+            "Only yaw tells the two apart, about which a centre of mass makes no moment: the mean moment there is "
+            f"{found.shares.yaw} of that of half of the rotors, so -o saves {which}.",
         ]
     return lines
 
@@ -105,14 +110,16 @@ def _untold(found: Rotation) -> list[str]:
     lines = []
     if found.thrust.found is None:
         lines.append(
-            "Not told: the thrust map, and so the gain per weight. Fly quick climbs, with the accelerometer logged."
+            "Not identified: the thrust map, and so the gain per weight. Fly quick climbs, and log the accelerometer."
         )
     if not found.drag:
-        lines.append("Not told without velocity: drag and the moment by airspeed. These sensors never tell the mass.")
+        lines.append(
+            "Not identified without velocity: drag and the moment by airspeed. These sensors never tell the mass."
+        )
     for axis, fit in found.axes.items():
         if not found.told(axis):
             changed = found.unknown.get(axis, 0.0) >= MOST_UNKNOWN
             why = "its prediction errors are correlated" if not fit.white else "the commands hardly turned it"
-            why = "its commands change between their samples; log them faster" if changed else why
-            lines.append(f"Not told about {axis}: {why}.")
+            why = "its commands are logged too slowly" if changed else why
+            lines.append(f"Not identified about {axis}: {why}.")
     return lines

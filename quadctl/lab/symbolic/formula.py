@@ -40,6 +40,7 @@ class Formula:
         """Readable text of the expression."""
         numbers = {k: f"({v:.4g})" if v < 0.0 else f"{v:.4g}" for k, v in self.coefficients.items()}
         text = " + ".join(self.parts).format(**numbers)
+        text = re.sub(r"\(-\(-([^()]*)\)", r"(\1", text)  # exp(-(-2)*x)
         text = re.sub(r"\+ \(-([^()]*)\)", r"- \1", text)
         text = re.sub(r"- \(-([^()]*)\)", r"+ \1", text)
         return re.sub(r"^\((-[^()]*)\)", r"\1", text)

@@ -92,9 +92,7 @@ class Evidence(Panel):
             draw_suggestion(self.suggestion)
         else:
             name = sentence(plain(shown.effect.family()))
-            tag("p", "", f"{name} is told from its confounded effects by {shown.effect.distinguished_by}.")
-            tag("p", "muted", "A mission that does so, whatever these flights have shown already:")
-            tag("code", "command", f"quadctl fly {shown.effect.mission}")
+            tag("p", "", f"{name} is distinguished from confounded effects by {shown.effect.distinguished_by}.")
             work_button(do, "Compare all missions", do.bench.suggest, "outline")
 
 
@@ -126,9 +124,8 @@ def _draw_losers(search: Diagnosed | None, name: str) -> None:
     tag(
         "p",
         "muted",
-        "These numbers are of the search that found it, which tries one effect at a time beside those that it has "
-        "found until then, and whose p counts all that it has tried; a later search has others. "
-        f"{name} gave {change}, beside {_beside(shown)}.",
+        "Numbers of the search that found it: each effect was tried beside those found before, and p is corrected for "
+        f"all tried. {name} gave {change}, beside {_beside(shown)}.",
     )
     _draw_reasons(losers[:LOSERS], [shown, *winners])
     if losers[LOSERS:]:
@@ -141,8 +138,8 @@ def _draw_reasons(losers: list[Candidate], winners: list[Candidate]) -> None:
         (
             candidate.effect.name,
             str(_beside(candidate)),
-            f"{change_in_words(candidate.held_out_drop)} {ERRORS[candidate.measure]}",
-            p_in_table(candidate.p_value),
+            f"{change_in_words(candidate.held_out_drop)} {ERRORS[candidate.measure]}" if candidate.fitted else "",
+            p_in_table(candidate.p_value) if candidate.fitted else "",
             sentence(in_words(reason_against(candidate, rival_of(candidate, winners)))),
         )
         for candidate in losers

@@ -126,7 +126,7 @@ def _draw_sentence(do: Controls, failure: Failure, comparison: Comparison) -> No
         tag("p", "grow", f"{failure.said} ({abs(failure.sigma):.0f} sigma).")
         if any(_is_most(other, ranges) for other in comparison.dataset.flights if other.name == flight):
             if len(comparison.dataset.flights) > 1:  # a selection of the whole flight shows nothing
-                tag("span", "muted", f"most of {flight}")
+                tag("span", "muted", f"range: most of {flight}")
             return
 
         def select() -> None:
@@ -153,7 +153,7 @@ class Selected(ChosenFlightPanel):
             if over is not None:
                 axis_name, variables = over
                 with tag("section", "card"):
-                    heading("Residual over the two most important variables", "Drag a box to select.")
+                    heading("Residual over the two most important variables", "Drag a box to select samples.")
                     drawn = error_map(comparison, axis_name, variables, self.theme)
                     shown = plot(drawn, f"residual_{axis_name}_map", "Residual over two variables")
                     _let_select(do, shown, axis_name, variables)
@@ -162,6 +162,7 @@ class Selected(ChosenFlightPanel):
                     with tag("div", "line wrap"):
                         tag("h2", "title grow", "On the flight path")
                         self.draw_flight_choice(do, flight)
+                    tag("p", "muted", "Selected samples are marked.")
                     self.draw_path(flight, brushed)
         if flight is not None and brushed is not None:
             self._draw_in_time(do, flight, brushed)

@@ -47,7 +47,7 @@ class Flights(Panel):
     def _draw_hold_out(self, do: Controls) -> None:
         with tag("div", "line wrap"):
             with tag("span", "muted grow"):
-                explained("Cross-validation holds out, one of the folds at a time:")
+                explained("Cross-validation holds out in turn:")
             choice = ui.toggle(
                 {"blocks": "blocks of time", "flights": "whole flights"},
                 value=self.hold_out,

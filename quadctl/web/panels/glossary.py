@@ -41,10 +41,11 @@ GLOSSARY = {
     ),
     "enough to matter": (
         "An effect is called missing where its gain is significant (p below 0.01, for all effects tried together) "
-        "and it lowers the held-out error of one axis by more than 5% and 0.03 m/s², or by more than "
-        "0.1 m/s² (1% of g). What is within the per-flight bias of any flight is listed as too small to matter."
+        "and on one axis it either lowers the held-out error by more than 5% and explains more than 0.03 m/s² (root of "
+        "the drop of the mean square), or explains more than 0.1 m/s² (1% of g). What is within the per-flight "
+        "bias of any flight is listed as too small to matter."
     ),
-    "lean taken for level": (
+    "tilt underestimated": (
         "An attitude estimator that levels itself by its accelerometer shows too little lean while the vehicle "
         "accelerates: the true lean is larger by this share. At its limit, the attitude in the log is doubtful."
     ),

@@ -119,18 +119,20 @@ class Candidates(Panel):
                         tag(
                             "figcaption",
                             "muted",
-                            f"{sketch.component} over {VARIABLE_NAMES[sketch.variable]}, without per-flight biases",
+                            f"{sketch.component} over {VARIABLE_NAMES[sketch.variable]}: residual without bias",
                         )
                 with tag("div", "grow"):
                     tag("h3", "", plain(candidate.family).capitalize())
                     tag("div", "mono muted", name)
-                    with tag("div", "numbers"):
-                        error = f"held-out {ERRORS[candidate.measure]}"
-                        tag("span", "fall", f"{change_in_words(candidate.held_out_drop)} {error}")
-                        tag("span", "muted", f"p {p_in_words(candidate.p_value)}")
+                    if candidate.fitted:
+                        with tag("div", "numbers"):
+                            error = f"held-out {ERRORS[candidate.measure]}"
+                            tag("span", "fall", f"{change_in_words(candidate.held_out_drop)} {error}")
+                            tag("span", "muted", f"p {p_in_words(candidate.p_value)}")
             tag("p", "", candidate.effect.physics)
-            intervals = " (95% intervals)" if candidate.ci95 else ""
-            tag("p", "mono muted", f"{parameters_in_text(candidate.effect, candidate.ci95)}{intervals}")
+            if candidate.fitted:
+                intervals = " (95% intervals)" if candidate.ci95 else ""
+                tag("p", "mono muted", f"{parameters_in_text(candidate.effect, candidate.ci95)}{intervals}")
             if alike:
                 tag("p", "note", str(fact(Said.LOOKS_LIKE, families=alike)))
             if why is not None:

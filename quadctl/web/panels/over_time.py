@@ -81,7 +81,7 @@ class OverTime(ChosenFlightPanel):
             options = {"": "none", **self.comparable}
             chosen = self.beside if self.beside in options else ""
             ui.select(
-                options, value=chosen, label="Compare with another model", on_change=lambda e: do.choose(beside=e.value)
+                options, value=chosen, label="Another model", on_change=lambda e: do.choose(beside=e.value)
             ).props("dense outlined options-dense")
             upload = StreamedUpload()
             do.intake.receive(upload, lambda files: do.act(do.take_model(files[0])))

@@ -52,7 +52,7 @@ AS_LOGGED = "as in the log"
 ASSUMED = (
     "Assumed, since it is not asked: a motor lag of 0.04 s; the inertia, worked out from mass and arm; without a "
     f"diagonal, rotors {APART:g} propeller diameters apart; a straight line "
-    "from throttle to thrust, as steep in hover as a thrust that grows with the square of the throttle, unless the "
+    "from throttle to thrust, in hover the tangent of a square law, unless the "
     "parameters of a log say otherwise. Without a rotor speed in hover, thrust per "
     f"rpm² is assumed, too (thrust coefficient {THRUST_COEFFICIENT:g}; most propellers have 0.007 to 0.015): a thrust "
     "scale that is found in a flight then corrects this guess. The file lists under `assumed` what nobody has measured."

@@ -29,8 +29,8 @@ OPEN = "info"
 """Icon of a verdict that names nothing, and has no tick either."""
 ICONS = {"missing": "lightbulb", "unexplained": "help"}
 OF_BLOCKS = (
-    "Judged on blocks of time of these flights. Holding out whole flights (tab Flights) shows what to expect of a new "
-    "flight, but needs more than three of them."
+    "Judged on blocks of time of these flights. Judging on whole flights (tab Flights) shows what to expect of a new "
+    "flight; four or more make that a good estimate."
 )
 
 

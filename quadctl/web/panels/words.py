@@ -28,7 +28,7 @@ class Said(Kinds, words=_WORDS):
     AS_IT_STANDS = "of the model as it stands, {bias}"
     HELD_OUT = "of the model as it is exported, per-flight bias included"
     DRAWN_WITHOUT_BIAS = (
-        "The line does not include the per-flight bias, which the controller does not know: its error is "
+        "The line is without the per-flight bias, which the controller does not know. Error of the line: "
         "{off_m_s2:m/s²} {axis}."
     )
     NO_ACCELERATION_IS_CLOSER = (
@@ -36,9 +36,9 @@ class Said(Kinds, words=_WORDS):
     )
     APART = "What is fitted to each flight by itself differs beside that: {differences:listed}."
     APART_BY = "{name} by {least}{size:.2g}{unit}"
-    AT_LIMIT = "At the limit of what is usual for a flight: {nuisances:listed}."
+    AT_LIMIT = "Per-flight bias at its bound: {nuisances:listed}."
     OF_FLIGHTS = "{name} ({flights:listed})"
-    MORE_IS = "More would be a {family:family}, which these data do not support (p {p:p})."
+    MORE_IS = "No {family:family} is supported (p {p:p})."
     FACTOR_ONE = "Far from the ground the model gives the rotors the thrust that the vehicle file says: factor 1."
     FACTOR = (
         "Far from the ground the model gives the rotors {factor:.3f} times the thrust of the vehicle file. The curve "
@@ -57,12 +57,12 @@ class Said(Kinds, words=_WORDS):
         By("better", {True: "Better"}, "Not better"),
         " with the compensator: what the ground does to the flight, which is the difference to the same step flown "
         "high up, changes by {drop:change} (M_B from {without_m_s:.3f} to {compensated_m_s:.3f} m s). The whole "
-        "tracking error, with the way that any step takes, changes by {rmse_drop:change} (RMSE).",
+        "tracking error, which includes the step itself, changes by {rmse_drop:change} (RMSE).",
     )
     SHARE = "explains {share:percent} of the squared error of this axis, {of_all:percent} of that of all axes, p {p:p}"
     FITTED_TOGETHER = (
         "Figures and errors are of one fit of all parameters together: the effect with ",
         When("beside", "{beside:families} and the per-flight bias", "the per-flight bias"),
-        ". Without it, all else is fitted again for the errors, and stays as it is in the figures.",
+        ". Errors without it are of a fit without it; figures are not fitted again.",
     )
     BESIDE = When("families", "{families:families}", "the rigid body")

@@ -441,7 +441,7 @@ def test_a_log_of_px4_without_position_tells_its_hover_throttle_and_what_it_cann
     out = tmp_path / "rotation.json"
     shown = quadctl("rotation", str(SIH / "sih_quadx.yaml"), *logs, "--json", str(out))
     assert shown.status == 0, shown.err
-    assert "Not told without velocity: drag" in shown.out
+    assert "Not identified without velocity: drag" in shown.out
     found = json.loads(out.read_text())
     assert found["drag"] == {} and not any("airspeed" in axis for axis in found["axes"].values())
     assert found["hover_command"] == pytest.approx(0.49, abs=0.01)
