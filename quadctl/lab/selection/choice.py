@@ -25,7 +25,8 @@ from quadctl.lab.selection.rule import (
     is_unexplained,
     score,
 )
-from quadctl.lab.selection.search import Path, emptied, search
+from quadctl.lab.selection.search import Path, emptied
+from quadctl.lab.selection.subsets import search
 from quadctl.lab.symbolic.formula import Symbolic
 from quadctl.lab.symbolic.identification import explain
 
@@ -57,7 +58,7 @@ def choose_effects(
         pool = [effect for effect in pool if not effect.only_of_several_flights]
     unfit = [e for e in pool if any(dataset.span(variable) < span for variable, span in e.needs.items())]
     pool = [effect for effect in pool if effect not in unfit]
-    path = with_constants_told(search(fit, pool, progress, rule), pool)
+    path = search(fit, pool, progress, rule)
     progress("analysing the remaining error")
     # The part explained by an effect that is too small to be called missing is not unexplained.
     small = [c.residual for c in path.latest.values() if is_measured(c, rule) and not is_supported(c, rule)]
