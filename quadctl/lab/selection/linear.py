@@ -14,12 +14,13 @@ from quadctl.lab.fitting.initial_guesses import _trusted
 from quadctl.lab.fitting.noise import noise_scale
 from quadctl.lab.fitting.normal_equations import axis_weights
 from quadctl.lab.fitting.nuisances import PRIOR_STD, bounds, nuisance_jacobian
-from quadctl.lab.fitting.parameters import HELD, free_parameters, parameter_jacobian
+from quadctl.lab.fitting.parameters import HELD, Free, free_parameters, parameter_jacobian
+from quadctl.lab.flights.flight import Flight
 from quadctl.lab.flights.prediction import predict_targets
 from quadctl.lab.selection.rule import RULE
+from quadctl.model import Model
 
 KEPT = 3
-WIDE = 1.0
 
 
 class Form(NamedTuple):
@@ -42,80 +43,80 @@ class Linearised:
         self.scale = _trusted(noise_scale(residual), dataset)
         self.weights = np.sqrt(axis_weights(dataset.flights[0], groups))
         self._unit = self.scale / self.weights
-        base = free_parameters(self.model)
-        predicted = [predict_targets(self.model, f, groups) for f in dataset.flights]
-        columns: list[Floats] = []  # each (n, axes)
-        steps: list[tuple[float, float, float]] = []  # low, high, std of each column
-        jac = np.concatenate(
-            [parameter_jacobian(self.model, f, groups, p, base) for f, p in zip(dataset.flights, predicted, strict=True)]
-        ) if base else None
-        values = {}
-        for i, f in enumerate(base):
-            value = getattr(self.model.effects[f.effect], f.parameter.name)
-            columns.append(jac[..., i])
-            steps.append((f.parameter.low - value, f.parameter.high - value, f.parameter.high - f.parameter.low))
-        self.base = tuple(range(len(base)))
+        self._predicted = [predict_targets(self.model, f, groups) for f in dataset.flights]
+        self._nuisances = [self._nuisance(number) for number in range(len(dataset.flights))]
+        self.y = residual / self._unit
         conditions = [f.conditions for f in dataset.flights]
+        starts = [(kind, start) for kind in pool for start in kind.starts(conditions, self.model.vehicle)]
+        changes = [self._change(start) for _, start in starts]
+        kept = self._selected(starts, changes)
+        base = free_parameters(self.model)
+        columns = [*self._jacobian(self.model, dataset.flights, self._predicted, base)]
+        steps = [self._steps(self.model.effects[f.effect], f) for f in base]
+        self.base = tuple(range(len(base)))
         self.forms: list[Form] = []
-        whole = np.concatenate(predicted)
-        for kind in pool:
-            for start in kind.starts(conditions, self.model.vehicle):
-                model = self.model.plus(start)
-                flights = dataset.aligned_for(model).flights if kind.adds_lag else dataset.flights
+        for i in kept:
+            kind, start = starts[i]
+            model = self.model.plus(start)
+            fixed = len(columns)
+            columns.append(changes[i])
+            steps.append((1.0, 1.0, 1.0))
+            own = [f for f in free_parameters(model) if f.effect == len(self.model.effects)]
+            if own:
+                flights = self._aligned(start)
                 with_it = [predict_targets(model, f, groups) for f in flights]
-                fixed = len(columns)
-                columns.append(np.concatenate(with_it) - whole)
-                steps.append((1.0, 1.0, 1.0))
-                own = [f for f in free_parameters(model) if f.effect == len(self.model.effects)]
-                if own:
-                    jac = np.concatenate(
-                        [parameter_jacobian(model, f, groups, p, own) for f, p in zip(flights, with_it, strict=True)]
-                    )
-                    for i, f in enumerate(own):
-                        value, p = getattr(start, f.parameter.name), f.parameter
-                        columns.append(jac[..., i])
-                        steps.append((p.low - value, p.high - value, WIDE * (p.high - p.low)))
-                self.forms.append(Form(kind, start, fixed, tuple(range(fixed + 1, len(columns)))))
-        x = np.stack(columns, axis=-1) / self._unit[:, None]
+                columns += self._jacobian(model, flights, with_it, own)
+                steps += [self._steps(start, f) for f in own]
+            self.forms.append(Form(kind, start, fixed, tuple(range(fixed + 1, len(columns)))))
         self.steps = np.array(steps)
-        self._reduce(x, residual / self._unit)
+        self._reduce(np.stack([*columns, self.y], axis=-1))
 
-    def _reduce(self, x: Floats, y: Floats) -> None:
-        dataset, groups = self.dataset, self.dataset.groups
-        nuis = []
-        for number, (flight, part) in enumerate(zip(dataset.flights, dataset.parts, strict=True)):
-            found = self.fit.optimum.nuisances[number]
-            low, high = bounds(flight)
-            free = (found - low > HELD * (high - low)) & (high - found > HELD * (high - low))
-            n = nuisance_jacobian(self.model, flight, groups, predict_targets(self.model, flight, groups))
-            nuis.append((n[..., free] / self._unit[:, None], 1.0 / PRIOR_STD[free], -found[free] / PRIOR_STD[free]))
-        # singles on all data
-        n, axes, m = x.shape
-        w = np.concatenate([x, y[..., None]], axis=-1)
-        rest = np.empty_like(w)
-        for (jac, inv, offset), part in zip(nuis, dataset.parts, strict=True):
-            a, b = self._normal(jac, inv, offset, w[part])
-            rest[part] = w[part] - (jac.reshape(-1, jac.shape[-1]) @ np.linalg.solve(a, b)).reshape(w[part].shape)
-        flat, left = w.reshape(n * axes, -1), rest.reshape(n * axes, -1)
-        self._kept = self._selected(flat, left)
-        used = [*self.base, *sorted({c for f in self._kept for c in (f.fixed, *f.free)})]
-        place = {c: i for i, c in enumerate(used)}
-        self.forms = [Form(f.kind, f.effect, place[f.fixed], tuple(place[c] for c in f.free)) for f in self._kept]
-        self.steps = self.steps[used]
-        w = np.ascontiguousarray(w[..., [*used, m]])
-        m = len(used)
-        folds = dataset.folds
-        self.train = np.zeros((len(folds) + 1, m + 1, m + 1))
-        self.test = np.zeros((len(folds), axes, m + 1, m + 1))
-        self.held = np.empty((n, axes, m + 1))
-        for (jac, inv, offset), part in zip(nuis, dataset.parts, strict=True):
+    def _aligned(self, start: Effect) -> Sequence[Flight]:
+        dataset = self.dataset
+        return dataset.aligned_for(self.model.plus(start)).flights if start.adds_lag else dataset.flights
+
+    def _change(self, start: Effect) -> Floats:
+        model, groups = self.model.plus(start), self.dataset.groups
+        parts = [predict_targets(model, f, groups) - p for f, p in zip(self._aligned(start), self._predicted, strict=True)]
+        return np.concatenate(parts) / self._unit
+
+    def _jacobian(
+        self, model: Model, flights: Sequence[Flight], predicted: Sequence[Floats], free: Sequence[Free]
+    ) -> list[Floats]:
+        if not free:
+            return []
+        each = [parameter_jacobian(model, f, self.dataset.groups, p, free) for f, p in zip(flights, predicted, strict=True)]
+        return list(np.moveaxis(np.concatenate(each) / self._unit[:, None], -1, 0))
+
+    @staticmethod
+    def _steps(effect: Effect, free: Free) -> tuple[float, float, float]:
+        value, p = getattr(effect, free.parameter.name), free.parameter
+        return p.low - value, p.high - value, p.high - p.low
+
+    def _nuisance(self, number: int) -> tuple[Floats, Floats, Floats]:
+        """Columns of the nuisances of a flight that no bound holds, with the inverse of their prior deviations, and
+        their means."""
+        flight, groups = self.dataset.flights[number], self.dataset.groups
+        found = self.fit.optimum.nuisances[number]
+        low, high = bounds(flight)
+        free = (found - low > HELD * (high - low)) & (high - found > HELD * (high - low))
+        n = nuisance_jacobian(self.model, flight, groups, self._predicted[number])
+        return n[..., free] / self._unit[:, None], 1.0 / PRIOR_STD[free], -found[free] / PRIOR_STD[free]
+
+    def _reduce(self, w: Floats) -> None:
+        dataset, folds = self.dataset, self.dataset.folds
+        n, axes, m = w.shape
+        self.train = np.zeros((len(folds) + 1, m, m))
+        self.test = np.zeros((len(folds), axes, m, m))
+        self.held = np.empty((n, axes, m))
+        for (jac, inv, offset), part in zip(self._nuisances, dataset.parts, strict=True):
             fold = dataset.fold[part]
             own = w[part]
             for k, number in enumerate([*folds, None]):
                 seen = fold != number if number is not None else np.ones(len(fold), dtype=bool)
                 a, b = self._normal(jac[seen], inv, offset, own[seen])
                 dn = np.linalg.solve(a, b)
-                rows = own[seen].reshape(-1, m + 1)
+                rows = own[seen].reshape(-1, m)
                 self.train[k] += rows.T @ rows - b.T @ dn
                 if number is not None and not seen.all():
                     held = own[~seen] - (jac[~seen].reshape(-1, jac.shape[-1]) @ dn).reshape(own[~seen].shape)
@@ -123,7 +124,6 @@ class Linearised:
                     for axis in range(axes):
                         self.test[k, axis] += held[:, axis].T @ held[:, axis]
         self.n = n
-        self.test_sum = self.test.sum(axis=0)
 
     @staticmethod
     def _normal(jac: Floats, inv: Floats, offset: Floats, w: Floats) -> tuple[Floats, Floats]:
@@ -133,40 +133,40 @@ class Linearised:
         b[:, -1] += inv * offset
         return a, b
 
-    def _selected(self, flat: Floats, left: Floats) -> list[Form]:
-        """Forms worth a place: of each class the best alone, and the best beside each of the best ones."""
-        def gains(beside: Form | None) -> Floats:
-            found = []
-            for form in self.forms:
-                pair = [form] if beside is None else [form, beside]
-                fixed = [f.fixed for f in pair]
-                free = [*self.base, *(c for f in pair for c in f.free)]
-                columns = [*fixed, *free, -1]
-                gram = flat[:, columns].T @ left[:, columns]
-                found.append(-self._solved(gram, len(fixed), self.steps[free])[1])
-            return np.array(found)
+    def _selected(self, starts: Sequence[tuple[type[Effect], Effect]], changes: Sequence[Floats]) -> list[int]:
+        """Starts worth a place: of each class the best alone, and the best beside each of the best ones; by what a factor
+        on the change explains."""
+        w = np.stack([*changes, self.y], axis=-1)
+        gram = np.zeros((w.shape[-1], w.shape[-1]))
+        for (jac, inv, offset), part in zip(self._nuisances, self.dataset.parts, strict=True):
+            a, b = self._normal(jac, inv, offset, w[part])
+            rows = w[part].reshape(-1, w.shape[-1])
+            gram += rows.T @ rows - b.T @ np.linalg.solve(a, b)
+        reversible = np.array([start.reversible for _, start in starts])
+
+        def gains(gram: Floats) -> Floats:
+            along = gram[:-1, -1]
+            squared = along * np.where(reversible, along, np.abs(along))
+            return squared / np.maximum(np.diagonal(gram)[:-1], 1e-9)
 
         kept: dict[int, None] = {}
         by_kind: dict[type[Effect], list[int]] = {}
-        for i, form in enumerate(self.forms):
-            by_kind.setdefault(form.kind, []).append(i)
-        alone = gains(None)
-        best = []
-        for places in by_kind.values():
+        for i, (kind, _) in enumerate(starts):
+            by_kind.setdefault(kind, []).append(i)
+        alone = gains(gram)
+        leaders: dict[str, int] = {}
+        for kind, places in by_kind.items():
             order = sorted(places, key=lambda i: -alone[i])
-            best.append(order[0])
             kept |= dict.fromkeys(order[:KEPT])
-        leaders, families = [], set()
-        for i in sorted(best, key=lambda i: -alone[i]):
-            if self.forms[i].effect.family() not in families and len(leaders) < 3:
-                leaders.append(i)
-                families.add(self.forms[i].effect.family())
-        for leader in leaders:
-            beside = gains(self.forms[leader])
-            for kind, places in by_kind.items():
-                if len(places) > KEPT and kind.family() != self.forms[leader].effect.family():
+            if kind.family() not in leaders or alone[order[0]] > alone[leaders[kind.family()]]:
+                leaders[kind.family()] = order[0]
+        for leader in sorted(leaders.values(), key=lambda i: -alone[i])[:KEPT]:
+            rest = gram - np.outer(gram[:, leader], gram[leader]) / max(gram[leader, leader], 1e-9)
+            beside = gains(rest)
+            for places in by_kind.values():
+                if len(places) > KEPT and leader not in places:
                     kept[max(places, key=lambda i: beside[i])] = None
-        return [self.forms[i] for i in sorted(kept)]
+        return sorted(kept)
 
     @staticmethod
     def _solved(gram: Floats, fixed: int, steps: Floats) -> tuple[Floats, Floats]:

@@ -77,8 +77,7 @@ class Subsets:
         """Candidate: an effect of a subset beside the others."""
         if (key, kind) not in self._beside:
             fit, left = self.fit(key), self.left(key - {kind})
-            self.fit(frozenset({kind}))
-            independent = self.independent.get(kind, self.n_starts[kind])
+            independent = self.independent.get(kind, min(self.n_starts[kind], len(np.unique(self.dataset.block))))
             self._beside[key, kind] = judged(fit, kind, left, len(self.pool) * len(key) * independent, self.rule)
         return self._beside[key, kind]
 
@@ -288,9 +287,8 @@ def path_to(subsets: Subsets, best: Key, held: Sequence[Key], tried: Sequence[Ca
         c = subsets.beside(key, kind)
         step = SelectionStep(c.family, c.effect.name, rmse(c.residual, path.dataset.groups))
         path = replace(path, current=subsets.fit(key), steps=(*path.steps, step), missing=(*path.missing, c.family), chosen=(*path.chosen, c))
-    singles = {c.effect.name: c for c in tried} | {k.name: subsets.beside(frozenset({k}), k) for k in best}
     latest = {**{c.effect.name: c for c in path.chosen}, **{c.effect.name: c for c in tried}}
-    return replace(path, latest=latest, at_start=singles, confounded=tuple(confounded(subsets, best, order)))
+    return replace(path, latest=latest, confounded=tuple(confounded(subsets, best, order)))
 
 
 def confounded(subsets: Subsets, best: Key, order: Sequence[type[Effect]]) -> list[tuple[str, str]]:
