@@ -13,7 +13,6 @@ from quadctl.lab.fitting.form_errors import FormErrors
 from quadctl.lab.fitting.significance import improvement_p_value
 from quadctl.lab.flights.channels import ROTOR_SPEED
 from quadctl.lab.flights.dataset import Dataset
-from quadctl.lab.selection.constants import with_constants_told
 from quadctl.lab.selection.rule import (
     RULE,
     Rule,
@@ -25,8 +24,7 @@ from quadctl.lab.selection.rule import (
     is_unexplained,
     score,
 )
-from quadctl.lab.selection.search import Path, emptied
-from quadctl.lab.selection.subsets import search
+from quadctl.lab.selection.search import Path, emptied, search
 from quadctl.lab.symbolic.formula import Symbolic
 from quadctl.lab.symbolic.identification import explain
 

@@ -88,12 +88,12 @@ def is_material(effect: Effect, largest_drop: float, explained_m_s2: float, rule
 
     What shows in the moments or in the accelerometer, and a lag, of which a delay explains most, may explain little.
     """
-    may_be_small = _shows_elsewhere(effect) or effect.adds_lag
+    may_be_small = shows_elsewhere(effect) or effect.adds_lag
     counts = may_be_small or explained_m_s2 > rule.least_m_s2
     return (counts and largest_drop > rule.material) or explained_m_s2 > rule.material_m_s2
 
 
-def _shows_elsewhere(effect: Effect) -> bool:
+def shows_elsewhere(effect: Effect) -> bool:
     """Tell whether an effect shows in the moments or in the accelerometer, too."""
     return concerns(effect, "turning") or concerns(effect, "sensing")
 
@@ -206,7 +206,7 @@ def without_stand_ins(supported: Sequence[Candidate], tried: Sequence[Candidate]
     """
     small = [c for c in tried if is_measured(c, rule) and not is_supported(c, rule)]
     least = min((score(c.residual[:, :3], rule) for c in small), default=math.inf)
-    elsewhere = [c for c in supported if _shows_elsewhere(c.effect)]
+    elsewhere = [c for c in supported if shows_elsewhere(c.effect)]
     return [c for c in supported if c in elsewhere or score(c.residual[:, :3], rule) < least]
 
 
@@ -311,7 +311,12 @@ def score(residual: Floats, rule: Rule = RULE) -> float:
     Logarithms make forces and moments, which have different units, comparable. An axis counts as no less than
     `least_share_of_moment` of its group: a yaw moment that is right to a hundredth of the others would decide alone.
     """
-    power = np.maximum(np.mean(residual**2, axis=0), 1e-12)
+    return score_of_power(np.mean(residual**2, axis=0), rule)
+
+
+def score_of_power(power: Floats, rule: Rule = RULE) -> float:
+    """Score of the mean square of each axis (see `score`), shape (axes,)."""
+    power = np.maximum(power, 1e-12)
     groups = [power[i : i + 3] for i in range(3, len(power), 3)]
     others = [float(np.log(np.maximum(p, rule.least_share_of_moment**2 * p.sum())).mean()) for p in groups]
     return 0.5 * (float(np.log(power[:3].sum())) + sum(others))
