@@ -75,7 +75,7 @@ class FirstOrder:
             columns += [changes[i], *self._derivatives(with_it, flown, predicted, own)]
             steps += [(1.0, 1.0, 1.0), *(_steps(start, f) for f in own)]
             self.forms.append(Form(kind, start, at, tuple(range(at + 1, len(columns)))))
-        self._steps = np.array(steps)
+        self._steps = np.array(steps).reshape(-1, 3)
         """Lowest and highest step of each column's coefficient, and the standard deviation of its prior."""
         self._reduce(np.stack([*columns, residual], axis=-1))
 
@@ -190,6 +190,8 @@ class FirstOrder:
 
     def _of_each(self, subsets: Sequence[Forms]) -> list[tuple[float, Forms]]:
         """Of each set of effects the forms that fit best, with their held-out score."""
+        if not subsets:
+            return []
         least: dict[frozenset[type[Effect]], tuple[float, Forms]] = {}
         for forms, objective in zip(subsets, self._in_groups(subsets, self._objectives), strict=True):
             key = frozenset(form.kind for form in forms)
@@ -232,9 +234,8 @@ class FirstOrder:
     def _columns(self, subsets: Sequence[Forms]) -> NDArray[np.intp]:
         """Columns of subsets of one size: the changes, what is free, and the target."""
         target = self._whole.shape[-1] - 1
-        return np.array(
-            [[*(f.change for f in s), *self._base, *(c for f in s for c in f.free), target] for s in subsets]
-        )
+        each = [[*(f.change for f in s), *self._base, *(c for f in s for c in f.free), target] for s in subsets]
+        return np.array(each, dtype=np.intp)
 
     def _in_groups(self, subsets: Sequence[Forms], of: Callable[[NDArray[np.intp], int], Floats]) -> Floats:
         """Results for all subsets, computed for those of one size at once."""

@@ -182,16 +182,6 @@ def is_supported(c: Candidate, rule: Rule = RULE) -> bool:
     return c.distinct and is_plausible(c, rule)
 
 
-def is_masked(c: Candidate, rule: Rule = RULE) -> bool:
-    """Tell whether a candidate lacks nothing but significance: what else is missing may be the noise that hides it."""
-    return c.distinct and _is_possible(c, rule) and _matters(c, rule) and not is_significant(c.p_value, rule)
-
-
-def is_look_alike(c: Candidate, rule: Rule = RULE) -> bool:
-    """Tell whether a candidate is plausible, but not distinguished from its confounded effects by these data."""
-    return is_plausible(c, rule) and not c.distinct
-
-
 def is_measured(c: Candidate, rule: Rule = RULE) -> bool:
     """Tell whether a candidate is there and distinguished from its confounded effects, even if too small to be called
     missing."""
@@ -210,37 +200,6 @@ def without_stand_ins(supported: Sequence[Candidate], tried: Sequence[Candidate]
     return [c for c in supported if c in elsewhere or score(c.residual[:, :3], rule) < least]
 
 
-def without_needless_differences(
-    supported: Sequence[Candidate], tried: Sequence[Candidate], rule: Rule = RULE
-) -> list[Candidate]:
-    """Supported candidates without those whose values differ from flight to flight, where the same family, supported or
-    not, does as well with values that are common to all flights."""
-    common = [c for c in tried if not c.effect.only_of_several_flights]
-
-    def does_as_well(c: Candidate) -> bool:
-        return any(
-            o.family == c.family and score(o.residual, rule) < score(c.residual, rule) + rule.equal_score
-            for o in common
-        )
-
-    return [c for c in supported if not (c.effect.only_of_several_flights and does_as_well(c))]
-
-
-def is_needed(effect: Effect, without: Floats, residual: Floats, p_value: float, rule: Rule = RULE) -> bool:
-    """Tell whether an effect is still needed beside the others, from the held-out residuals without and with it, shape
-    (n, axes).
-
-    It is not where, beside the others, it is as small as on any vehicle (see `is_usual`).
-    """
-    explained = explained_m_s2(without, residual)
-    usual = effect.negligible() and largest_gain(without[:, :3], residual[:, :3]) < rule.most
-    return (
-        is_significant(p_value, rule)
-        and is_material(effect, largest_gain(without, residual), explained, rule)
-        and not usual
-    )
-
-
 def are_alike(one: Floats, other: Floats, dataset: Dataset, rule: Rule = RULE) -> bool:
     """Tell whether the data do not distinguish two held-out residuals."""
     return difference_p_value(one, other, dataset) > rule.alike
@@ -250,28 +209,6 @@ def is_as_good(one: Floats, other: Floats, dataset: Dataset, rule: Rule = RULE) 
     """Tell whether the held-out residual `one` is not significantly larger than `other`."""
     worse_by = score(one, rule) - score(other, rule)
     return worse_by < 0.0 or (worse_by < rule.equal_score and are_alike(other, one, dataset, rule))
-
-
-def choose(
-    supported: Sequence[Candidate], look_alikes: Sequence[Candidate], dataset: Dataset, rule: Rule = RULE
-) -> tuple[Candidate, list[str]]:
-    """Choose the candidate to add, and list the other families that do as well, `look_alikes` among them.
-
-    Each family is represented by its best variant. Of the families that are as good as the best, the one with the
-    fewest parameters is chosen; a parameter that these data do not show, as a lateral drag in a vertical flight, does
-    not count. `supported` is sorted, the best first.
-    """
-    best = supported[0]
-    every = [*supported, *look_alikes]
-    leaders = [c for i, c in enumerate(every) if c.family not in {other.family for other in every[:i]}]
-    alike = [c for c in leaders if c is best or are_alike(best.residual, c.residual, dataset, rule)]
-    as_good = [
-        c
-        for c in alike
-        if is_supported(c, rule) and score(c.residual, rule) < score(best.residual, rule) + rule.equal_score
-    ]
-    chosen = min(as_good, key=lambda c: (c.n_seen, score(c.residual, rule)))
-    return chosen, sorted({c.family for c in alike} - {chosen.family})
 
 
 def is_unexplained(residual: Floats, flexible: Floats, p_value: float, rule: Rule = RULE) -> bool:

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field, replace
 
 from quadctl.effects import Effect
 from quadctl.lab.arrays import Floats
-from quadctl.lab.fitting.fitted_model import FittedModel, fit_model
+from quadctl.lab.fitting.fitted_model import FittedModel, Solution, fit_model
 from quadctl.lab.fitting.initial_guesses import is_hopeless
 from quadctl.lab.flights.dataset import Dataset
 from quadctl.lab.flights.prediction import concerns, rmse
@@ -30,6 +30,7 @@ from quadctl.lab.selection.rule import (
 )
 from quadctl.lab.selection.subsets import Subset, Subsets, families
 from quadctl.lab.selection.trial import not_fitted
+from quadctl.model import Model
 
 MOST_FITTED = 10
 """Largest number of subsets that are fitted because they explain most to first order."""
@@ -135,11 +136,12 @@ def _exchanged(subsets: Subsets, first_order: FirstOrder, best: Subset) -> list[
                 expected = -math.inf if constant else first_order.score(rest | {other})
                 found += [(expected, kind, other)] if expected < limit else []
     found = sorted(found, key=lambda each: each[0])[:MOST_EXCHANGED]
+    error = score(subsets.fit(best).held_out_residual[:, :3], rule)
     for _, kind, other in found:
         instead = subsets.beside(best - {kind} | {other}, other)
-        small = is_measured(instead, rule) and not is_supported(instead, rule) and not shows_elsewhere(subsets.beside(best, kind).effect)
-        if small and score(instead.residual[:, :3], rule) < score(subsets.fit(best).held_out_residual[:, :3], rule):
-            subsets.stand_ins.add(best)
+        small = is_measured(instead, rule) and not is_supported(instead, rule)
+        if small and not shows_elsewhere(subsets.beside(best, kind).effect):
+            subsets.stand_ins |= {best} if score(instead.residual[:, :3], rule) < error else set()
     return [subsets.pruned(subset) for subset in (best, *(best - {kind} | {other} for _, kind, other in found))]
 
 
@@ -197,7 +199,7 @@ def _path_to(subsets: Subsets, best: Subset) -> Path:
         steps.append(SelectionStep(found.family, found.effect.name, subsets.fit(added).held_out_rmse))
     return Path(
         start,
-        subsets.fit(best),
+        _in_order(subsets.fit(best), [c.family for c in chosen]),
         tuple(steps),
         tuple(chosen),
         {c.effect.name: c for c in [*_tried(subsets, best), *chosen]},
@@ -205,6 +207,19 @@ def _path_to(subsets: Subsets, best: Subset) -> Path:
         _confounded(subsets, best),
         rule,
     )
+
+
+def _in_order(fit: FittedModel, added: Sequence[str]) -> FittedModel:
+    """The same fit with these families at the end of its stack, in this order."""
+
+    def ordered(model: Model) -> Model:
+        place = {family: number for number, family in enumerate(added)}
+        return replace(model, stack=tuple(sorted(model.stack, key=lambda item: place.get(item.effect.family(), -1))))
+
+    if not added:
+        return fit
+    optimum = replace(fit.optimum, model=ordered(fit.model))
+    return Solution(ordered(fit.fitter.model), optimum, fit.held_out_residual).on(fit.dataset)
 
 
 def _tried(subsets: Subsets, best: Subset) -> list[Candidate]:

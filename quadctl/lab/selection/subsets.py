@@ -53,7 +53,9 @@ class Subsets:
         if (subset, kind) not in self._judged:
             fit, left = self.fit(subset), self.left(subset - {kind})
             n_tried = len(self.pool) * len(subset) * self._independent.get(kind, self._starts[kind])
-            self._judged[subset, kind] = judged(fit, kind.family(), left, n_tried, self.rule)
+            # A constant is no error of the form of a variable's effect: how much of one is implied is known apart.
+            forms = None if any(other.if_constant == kind.name for other in subset) else left.forms
+            self._judged[subset, kind] = judged(fit, kind.family(), left, forms, n_tried, self.rule)
         return self._judged[subset, kind]
 
     def holds(self, subset: Subset, test: Callable[[Candidate, Rule], bool] = is_supported) -> bool:

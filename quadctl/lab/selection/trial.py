@@ -8,6 +8,7 @@ from quadctl.effects import Effect
 from quadctl.lab.arrays import Floats
 from quadctl.lab.fitting.fitted_model import FittedModel
 from quadctl.lab.fitting.fitter import Fitter
+from quadctl.lab.fitting.form_errors import FormErrors
 from quadctl.lab.fitting.initial_guesses import Unmodelled, best_guesses, best_start
 from quadctl.lab.fitting.nuisances import AGE, BOUND
 from quadctl.lab.fitting.significance import improvement_p_value
@@ -26,17 +27,20 @@ REALIGNED = 3
 def try_effect(effect: type[Effect], left: Unmodelled, n_tried: int, rule: Rule = RULE) -> Candidate:
     """Fit `effect` on top of the fitted model of `left`; `n_tried` is the number of candidates tried on these data."""
     fit, independent = fit_on_top(effect, left)
-    return judged(fit, effect.family(), left, n_tried * independent, rule)
+    return judged(fit, effect.family(), left, left.forms, n_tried * independent, rule)
 
 
 @one_blas_thread
-def judged(fit: FittedModel, family: str, left: Unmodelled, n_tried: int, rule: Rule = RULE) -> Candidate:
+def judged(
+    fit: FittedModel, family: str, left: Unmodelled, forms: FormErrors | None, n_tried: int, rule: Rule = RULE
+) -> Candidate:
     """The effect of a family in a fitted model, judged beside the others; `left` is what the model leaves without it,
-    and `n_tried` the number of candidates, guesses included, that it was chosen from."""
+    `forms` the errors that the forms of the others may have, and `n_tried` the number of candidates, guesses included,
+    that it was chosen from."""
     dataset, before, after, stack = left.dataset, left.residual, fit.held_out_residual, fit.model.stack
     place = [item.effect.family() for item in stack].index(family)
     effect, others = stack[place].effect, [*stack[:place], *stack[place + 1 :]]
-    p_value = improvement_p_value(before, before - after, dataset, left.forms)
+    p_value = improvement_p_value(before, before - after, dataset, forms)
     flights = [flight.conditions for flight in dataset.flights]
     return Candidate(
         effect=effect,
