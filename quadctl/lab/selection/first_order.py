@@ -85,14 +85,23 @@ class FirstOrder:
         seen: set[frozenset[str]] = set()
         for expected, forms in sorted(self._best, key=lambda each: each[0] + self._rule.equal_score * len(each[1])):
             named = frozenset(form.kind.family() for form in forms)
-            if named not in seen and self._all_matter(forms) and all(self._helps(forms, form) for form in forms):
+            helps = (is_significant(self._p_value(forms, form), self._rule) for form in forms)
+            if named not in seen and self._all_matter(forms) and all(helps):
                 seen.add(named)
                 yield expected, frozenset(form.kind for form in forms)
 
     def score(self, subset: frozenset[type[Effect]]) -> float:
         """Expected score of a subset, with its best forms."""
-        ((expected, _),) = self._of_each(list(product(*([f for f in self.forms if f.kind is kind] for kind in subset))))
-        return expected
+        return self._best_forms(subset)[0]
+
+    def p_value(self, kind: type[Effect]) -> float:
+        """p-value of one effect, not corrected for the number tried."""
+        _, forms = self._best_forms(frozenset({kind}))
+        return self._p_value(forms, forms[0])
+
+    def _best_forms(self, subset: frozenset[type[Effect]]) -> tuple[float, Forms]:
+        (found,) = self._of_each(list(product(*([f for f in self.forms if f.kind is kind] for kind in subset))))
+        return found
 
     # --- columns ------------------------------------------------------------------------------------------------------
 
@@ -215,12 +224,10 @@ class FirstOrder:
             for drop, gain in zip(drops, gains, strict=True)
         )
 
-    def _helps(self, forms: Forms, form: Form) -> bool:
-        """Tell whether an effect is significant beside the others, not corrected for the number tried."""
+    def _p_value(self, forms: Forms, form: Form) -> float:
+        """p-value of an effect beside the others, not corrected for the number tried."""
         before, after = self._residual(_without(forms, form)), self._residual(forms)
-        return is_significant(
-            improvement_p_value(before, before - after, self._left.dataset, self._left.forms), self._rule
-        )
+        return improvement_p_value(before, before - after, self._left.dataset, self._left.forms)
 
     def _residual(self, forms: Forms) -> Floats:
         """Held-out residual, shape (n, axes)."""

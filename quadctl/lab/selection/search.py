@@ -12,7 +12,6 @@ from dataclasses import dataclass, field, replace
 from quadctl.effects import Effect
 from quadctl.lab.arrays import Floats
 from quadctl.lab.fitting.fitted_model import FittedModel, Solution, fit_model
-from quadctl.lab.fitting.initial_guesses import is_hopeless
 from quadctl.lab.flights.dataset import Dataset
 from quadctl.lab.flights.prediction import concerns, rmse
 from quadctl.lab.selection.candidate import Candidate
@@ -38,6 +37,9 @@ MOST_EXCHANGED = 6
 """Largest number of subsets that are fitted because they differ from the best in one effect, and explain as much to
 first order."""
 MOST_TURNS = 6
+HOPELESS = 0.1
+"""p-value to first order, uncorrected, from which on an effect is not fitted on top of the best subset; a lag is in any
+case, as a change of it is far from linear."""
 
 Progress = Callable[[str], None]
 
@@ -93,7 +95,7 @@ def search(start: FittedModel, pool: Sequence[type[Effect]], progress: Progress,
         progress(f"comparing with {_named(best)}")
         held += _exchanged(subsets, first_order, best)
         best = _simplest(subsets, held)
-        more = _on_top(subsets, first_order, best, progress)
+        more = _on_top(subsets, best, progress)
         if not set(more) - set(held):
             break
         held += more
@@ -145,15 +147,18 @@ def _exchanged(subsets: Subsets, first_order: FirstOrder, best: Subset) -> list[
     return [subsets.pruned(subset) for subset in (best, *(best - {kind} | {other} for _, kind, other in found))]
 
 
-def _on_top(subsets: Subsets, first_order: FirstOrder, best: Subset, progress: Progress) -> list[Subset]:
-    """Subsets that hold, with one more effect than the best: of each family the one that does best to first order."""
+def _on_top(subsets: Subsets, best: Subset, progress: Progress) -> list[Subset]:
+    """Subsets that hold, with one more effect than the best: of each family the one that does best to first order,
+    where that is better than noise."""
+    others = _others(subsets, best)
+    first_order = FirstOrder(subsets.fit(best), others, subsets.rule)
     likely: dict[str, type[Effect]] = {}
-    for kind in sorted(_others(subsets, best), key=lambda kind: first_order.score(best | {kind})):
+    for kind in sorted(others, key=lambda kind: first_order.score(frozenset({kind}))):
         likely.setdefault(kind.family(), kind)
     tried = {}
     for number, kind in enumerate(likely.values(), start=1):
         progress(f"tried {kind.name} beside {_named(best)}, {number} of {len(likely)}")
-        if best | {kind} in subsets or not is_hopeless(kind, subsets.left(best)):
+        if kind.adds_lag or best | {kind} in subsets or first_order.p_value(kind) < HOPELESS:
             tried[kind] = subsets.beside(best | {kind}, kind)
     supported = [c for c in tried.values() if is_supported(c, subsets.rule)]
     found = without_stand_ins(supported, list(tried.values()), subsets.rule)

@@ -9,7 +9,7 @@ from quadctl.lab.arrays import Floats
 from quadctl.lab.fitting.fitted_model import FittedModel
 from quadctl.lab.fitting.fitter import Fitter
 from quadctl.lab.fitting.form_errors import FormErrors
-from quadctl.lab.fitting.initial_guesses import Unmodelled, best_guesses, best_start
+from quadctl.lab.fitting.initial_guesses import Unmodelled, best_guesses
 from quadctl.lab.fitting.nuisances import AGE, BOUND
 from quadctl.lab.fitting.significance import improvement_p_value
 from quadctl.lab.flights.dataset import Dataset
@@ -65,7 +65,7 @@ def judged(
 
 def not_fitted(effect: type[Effect], left: Unmodelled) -> Candidate:
     """Candidate that explains nothing to first order on top of the fitted model of `left`: it changes no error."""
-    start = best_start(effect, left)
+    start = effect.starts([flight.conditions for flight in left.dataset.flights], left.model.vehicle)[0]
     errors = rmse(left.residual, left.dataset.groups)
     return Candidate(
         effect=start,
