@@ -19,6 +19,7 @@ from quadctl.lab.selection.first_order import FirstOrder
 from quadctl.lab.selection.rule import (
     RULE,
     Rule,
+    is_as_good,
     is_measured,
     is_plausible,
     is_significant,
@@ -99,7 +100,7 @@ def search(start: FittedModel, pool: Sequence[type[Effect]], progress: Progress,
         if not set(more) - set(held):
             break
         held += more
-    return _path_to(subsets, best)
+    return _with_one_for_two(subsets, first_order, _path_to(subsets, best), best)
 
 
 def _promising(subsets: Subsets, first_order: FirstOrder, progress: Progress) -> list[Subset]:
@@ -212,6 +213,23 @@ def _path_to(subsets: Subsets, best: Subset) -> Path:
         _confounded(subsets, best),
         rule,
     )
+
+
+def _with_one_for_two(subsets: Subsets, first_order: FirstOrder, path: Path, best: Subset) -> Path:
+    """Path, or one to a single effect that does as well as two, though these data do not distinguish it."""
+    limit = first_order.score(best) + 2.0 * subsets.rule.equal_score
+    singles = [frozenset({kind}) for kind in (_others(subsets, best) if len(best) == 2 else [])]
+    for single in sorted(singles, key=first_order.score):
+        (kind,) = single
+        if (
+            first_order.score(single) < limit
+            and is_as_good(subsets.residual(single), path.residual, path.dataset, path.rule)
+            and is_plausible(c := subsets.beside(single, kind), path.rule)
+            and not c.distinct
+        ):
+            other = _path_to(subsets, single)
+            return replace(other, confounded=(*other.confounded, (c.family, path.missing[-1])))
+    return path
 
 
 def _in_order(fit: FittedModel, added: Sequence[str]) -> FittedModel:

@@ -78,13 +78,16 @@ class Subsets:
         explains = subset
         while subset and (subset in self.stand_ins or not self.holds(subset)):
             failing = [k for k in subset if not self._passes(subset, k, is_supported)] or list(subset)
-            implied = [k for k in failing if is_supported(replace(self.beside(subset, k), implied=False), self.rule)]
+            implied = [k for k in failing if self._is_only_implied(self.beside(subset, k))]
             other = [k for k in failing if k not in implied]
             out = min(other or implied, key=lambda kind: self.score(subset - {kind}))
             explains = explains - {out} if other else explains
             subset = subset - {out}
         self._with_implied.setdefault(subset, explains)
         return subset
+
+    def _is_only_implied(self, c: Candidate) -> bool:
+        return c.implied and is_supported(replace(c, implied=False), self.rule)
 
     def score(self, subset: Subset) -> float:
         """Score of the held-out residual of a subset (see `rule.score`)."""
