@@ -5,7 +5,8 @@ derivatives by its parameters. The nuisances of the flights are eliminated, as t
 squares of a subset are those of a few columns: all pairs take a tenth of a second.
 """
 
-from collections.abc import Callable, Iterator, Sequence
+import math
+from collections.abc import Callable, Sequence
 from functools import cached_property
 from itertools import combinations, product
 from typing import NamedTuple
@@ -79,16 +80,26 @@ class FirstOrder:
         """Lowest and highest step of each column's coefficient, and the standard deviation of its prior."""
         self._reduce(np.stack([*columns, residual], axis=-1))
 
-    def promising(self) -> Iterator[tuple[float, frozenset[type[Effect]]]]:
-        """Expected score and effects of the subsets whose effects all help beside the others, to first order: the best
-        of each set of families, in the order of their scores, where one more effect must lower it by `equal_score`."""
-        seen: set[frozenset[str]] = set()
-        for expected, forms in sorted(self._best, key=lambda each: each[0] + self._rule.equal_score * len(each[1])):
-            named = frozenset(form.kind.family() for form in forms)
-            helps = (is_significant(self._p_value(forms, form), self._rule) for form in forms)
-            if named not in seen and self._all_matter(forms) and all(helps):
-                seen.add(named)
-                yield expected, frozenset(form.kind for form in forms)
+    def promising(self) -> list[tuple[float, frozenset[type[Effect]]]]:
+        """Expected score and effects of the subsets each effect of which is half as large as a material one beside the
+        others, in the order of the scores, where one more effect must lower them by `equal_score`."""
+        parts = {part for _, forms in self._best for part in (forms, *(_without(forms, form) for form in forms))}
+        powers = dict(zip(parts, self._powers(list(parts)), strict=True))
+
+        def matters(forms: Forms, form: Form) -> bool:
+            before, after = powers[_without(forms, form)], powers[forms]
+            gain_m_s2 = math.sqrt(max(float(np.max((before - after)[:3])), 0.0))
+            drop = 1.0 - math.sqrt(float(np.min(after / before)))
+            return drop > 0.5 * self._rule.material or gain_m_s2 > 0.5 * self._rule.material_m_s2
+
+        found = [each for each in self._best if all(matters(each[1], form) for form in each[1])]
+        found.sort(key=lambda each: each[0] + self._rule.equal_score * len(each[1]))
+        return [(expected, frozenset(form.kind for form in forms)) for expected, forms in found]
+
+    def all_help(self, subset: frozenset[type[Effect]]) -> bool:
+        """Tell whether every effect of a subset is significant beside the others, uncorrected."""
+        _, forms = self._best_forms(subset)
+        return all(is_significant(self._p_value(forms, form), self._rule) for form in forms)
 
     def score(self, subset: frozenset[type[Effect]]) -> float:
         """Expected score of a subset, with its best forms."""
@@ -212,17 +223,6 @@ class FirstOrder:
     def _powers(self, subsets: Sequence[Forms]) -> Floats:
         """Held-out mean square of each axis, shape (subsets, axes)."""
         return self._in_groups(subsets, self._powers_of)
-
-    def _all_matter(self, forms: Forms) -> bool:
-        """Tell whether each effect is half as large as a material one, beside the others."""
-        after, *before = self._powers([forms, *(_without(forms, form) for form in forms)])
-        rule = self._rule
-        drops = [np.max(1.0 - np.sqrt(after / had)) for had in before]
-        gains = [np.sqrt(max(np.max((had - after)[:3]), 0.0)) for had in before]
-        return all(
-            drop > 0.5 * rule.material or gain > 0.5 * rule.material_m_s2
-            for drop, gain in zip(drops, gains, strict=True)
-        )
 
     def _p_value(self, forms: Forms, form: Form) -> float:
         """p-value of an effect beside the others, not corrected for the number tried."""

@@ -104,16 +104,19 @@ def search(start: FittedModel, pool: Sequence[type[Effect]], progress: Progress,
 
 
 def _promising(subsets: Subsets, first_order: FirstOrder, progress: Progress) -> list[Subset]:
-    """Subsets that hold, of those that explain most to first order; the empty one is the first."""
+    """Subsets that hold, of those that explain most to first order, one of each set of families; the empty one is the
+    first."""
     best: Subset = frozenset()
-    held, least, fitted = [best], subsets.rank(best), 0
+    held, least, tried = [best], subsets.rank(best), set[frozenset[str]]()
     for expected, subset in first_order.promising():
         enough = subsets.rank(best) + subsets.rule.equal_score
         if any(kept and kept <= subset and subsets.rank(kept) < enough for kept in held):
             continue  # what is left is tried on top of the best
-        if fitted == MOST_FITTED or expected > max(least, subsets.rank(best)) + 2.0 * subsets.rule.equal_score:
+        if len(tried) == MOST_FITTED or expected > max(least, subsets.rank(best)) + 2.0 * subsets.rule.equal_score:
             break
-        fitted += 1
+        if families(subset) in tried or not first_order.all_help(subset):
+            continue
+        tried.add(families(subset))
         progress(f"fitting {_named(subset)}")
         kept = subsets.pruned(subset)
         held.append(kept)

@@ -41,8 +41,10 @@ def test_the_expected_score_is_about_that_of_a_fit(
 
 def test_the_true_subset_is_the_first_that_is_worth_a_fit(raptor: Vehicle, seen: Dataset) -> None:
     pool = (ConstantScale, HangingTether, LinearDrag, MassStep, Exponential)
-    _, first = next(about(Model(raptor), seen, *pool).promising())
-    assert first == PAIR
+    first_order = about(Model(raptor), seen, *pool)
+    _, first = first_order.promising()[0]
+    assert first == PAIR and first_order.all_help(first)
+    assert not first_order.all_help(PAIR | {HangingTether})
 
 
 def test_an_effect_of_the_wrong_sign_is_expected_to_explain_nothing(raptor: Vehicle) -> None:
