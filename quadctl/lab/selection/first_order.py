@@ -83,6 +83,8 @@ class FirstOrder:
     def promising(self) -> list[tuple[float, frozenset[type[Effect]]]]:
         """Expected score and effects of the subsets each effect of which is half as large as a material one beside the
         others, in the order of the scores, where one more effect must lower them by `equal_score`."""
+        if not self._best:
+            return []
         parts = {part for _, forms in self._best for part in (forms, *(_without(forms, form) for form in forms))}
         powers = dict(zip(parts, self._powers(list(parts)), strict=True))
 

@@ -68,15 +68,24 @@ class Subsets:
     def _differs_needlessly(self, subset: Subset, kind: type[Effect]) -> bool:
         """Tell whether the values of an effect differ from flight to flight, where the same family, supported or not,
         does as well with values that are common to all flights."""
+        if not kind.only_of_several_flights or not (alike := self._with_common(subset, kind)):
+            return False
+        return self.score(alike) < self.score(subset) + self.rule.equal_score
+
+    def _with_common(self, subset: Subset, kind: type[Effect]) -> Subset:
+        """Subset with common values in the place of those of each flight; empty where the family has no such effect."""
         common = [k for k in self.pool if k.family() == kind.family() and not k.only_of_several_flights]
-        limit = self.score(subset) + self.rule.equal_score if kind.only_of_several_flights else 0.0
-        return kind.only_of_several_flights and any(self.score(subset - {kind} | {k}) < limit for k in common)
+        return min((subset - {kind} | {k} for k in common), key=self.score, default=frozenset())
 
     def pruned(self, subset: Subset) -> Subset:
         """The part of a subset that holds, when one after the other is taken out that does not; what the others imply
         is the last."""
         explains = subset
         while subset and (subset in self.stand_ins or not self.holds(subset)):
+            needless = [kind for kind in subset if self._differs_needlessly(subset, kind)]
+            if needless:
+                subset = explains = self._with_common(subset, needless[0])
+                continue
             failing = [k for k in subset if not self._passes(subset, k, is_supported)] or list(subset)
             implied = [k for k in failing if self._is_only_implied(self.beside(subset, k))]
             other = [k for k in failing if k not in implied]
