@@ -147,14 +147,10 @@ def shows_in_moments(c: Candidate, rule: Rule = RULE) -> bool:
 
 
 def is_there(c: Candidate, rule: Rule = RULE) -> bool:
-    """Tell whether held-out data show the effect of a candidate, even if it is too small to be called missing."""
-    return is_significant(c.p_value, rule) and _is_possible(c, rule)
-
-
-def _is_possible(c: Candidate, rule: Rule = RULE) -> bool:
-    """Tell whether a candidate helps, and has parameters that are possible, be it significant or not."""
+    """Tell whether held-out data show the effect of a candidate, even if it is too small to be called missing: it
+    helps, and its parameters are possible."""
     helps = c.held_out_drop > 0.0 and not is_harmful(c, rule) and shows_in_moments(c, rule)
-    return helps and c.believable and c.determined and not c.at_bound
+    return is_significant(c.p_value, rule) and helps and c.believable and c.determined and not c.at_bound
 
 
 def is_trim(c: Candidate, rule: Rule = RULE) -> bool:
@@ -169,12 +165,8 @@ def is_usual(c: Candidate, rule: Rule = RULE) -> bool:
 
 def is_plausible(c: Candidate, rule: Rule = RULE) -> bool:
     """Tell whether a candidate would be supported if the data distinguished it from its confounded effects."""
-    return is_there(c, rule) and _matters(c, rule)
-
-
-def _matters(c: Candidate, rule: Rule = RULE) -> bool:
     material = is_material(c.effect, c.largest_drop, c.explained_m_s2, rule)
-    return material and not is_usual(c, rule) and not c.implied
+    return is_there(c, rule) and material and not is_usual(c, rule) and not c.implied
 
 
 def is_supported(c: Candidate, rule: Rule = RULE) -> bool:
