@@ -20,7 +20,7 @@ from unittest.mock import patch
 from quadctl.lab.fitting import fitted_model
 from quadctl.lab.fitting.fitted_model import fit_model
 from quadctl.lab.flights.dataset import load_dataset
-from quadctl.lab.selection import choice, diagnosis, search
+from quadctl.lab.selection import choice, diagnosis, search, subsets
 from quadctl.lab.selection.rule import RULE, Rule
 from quadctl.logs.read import read_logs
 from quadctl.model import load_model
@@ -107,16 +107,13 @@ def remembered() -> Iterator[None]:
     def by_model(model: Any, dataset: Any) -> Any:
         return model.effects
 
-    def of_trials(rule: Rule) -> tuple[float, float]:
-        return rule.least_share_of_moment, rule.most
-
     def by_residual(residual: Any, *others: Any) -> Any:
         return residual.tobytes()
 
     with ExitStack() as stack:
         for module, name, key in (
-            (search, "try_effect", lambda effect, left, n, rule: (effect, left.model.effects, n, *of_trials(rule))),
-            (search, "is_hopeless", lambda effect, left: (effect, left.model.effects)),
+            (subsets, "fit_on_top", lambda effect, left: (effect, left.model.effects)),
+            (search, "FirstOrder", lambda fit, pool, rule: (fit.model.effects, tuple(pool), rule)),
             (search, "fit_model", by_model),
             (fitted_model, "fit_model", by_model),
             (diagnosis, "held_out_errors", lambda before, after: (before.model.effects, after.model.effects)),

@@ -1,7 +1,6 @@
 """Initial guesses for the fit of one more effect: the objective has several minima, and some parameters are not
 fitted."""
 
-from collections.abc import Iterator, Sequence
 from functools import cached_property
 
 import numpy as np
@@ -10,12 +9,9 @@ from quadctl.effects import Effect
 from quadctl.lab.arrays import Floats
 from quadctl.lab.fitting.fitted_model import FittedModel
 from quadctl.lab.fitting.form_errors import FormErrors
-from quadctl.lab.fitting.linearisation import Tangent, orthonormal
+from quadctl.lab.fitting.linearisation import Tangent
 from quadctl.lab.fitting.noise import noise_scale
-from quadctl.lab.fitting.parameters import free_parameters, parameter_jacobian
-from quadctl.lab.fitting.significance import improvement_p_value
 from quadctl.lab.flights.dataset import AlignedDataset, Dataset
-from quadctl.lab.flights.prediction import predict_targets
 from quadctl.model import Model
 
 
@@ -44,33 +40,6 @@ class Unmodelled:
             self._explained[effect] = squared / max(float(np.vdot(change, change)), 1e-12)
         return self._explained[effect]
 
-    def first_order_p_values(self, start: Effect) -> Iterator[float]:
-        """p-values of what an effect explains to first order about `start`: by a factor on it and a change of each of
-        its parameters, of the data that they are fitted to.
-
-        It is tested on the residual as it is, and on what usual trims leave of the data; a trim that its bound holds
-        leaves more. The smaller p-value counts.
-        """
-        model, dataset = self.model.plus(start), self._aligned
-        own = free_parameters(model)[len(free_parameters(self.model)) :]
-        jacobian = np.concatenate(
-            [
-                parameter_jacobian(model, flight, dataset.groups, predict_targets(model, flight, dataset.groups), own)
-                for flight in dataset.flights
-            ]
-        )
-        changes = [self._change(start), *np.moveaxis(jacobian / self.scale[:, None], -1, 0)]
-        yield self._p_value_of(self.residual / self.scale, changes)
-        left, *along = map(self._usual_trims.rest, ((dataset.targets - self._predicted) / self.scale, *changes))
-        yield self._p_value_of(left, along)
-
-    def _p_value_of(self, left: Floats, changes: Sequence[Floats]) -> float:
-        """p-value of the part of `left` along `changes`, shape (n, axes) each, in units of the noise."""
-        columns = np.stack([change.ravel() for change in changes], axis=-1)
-        basis = orthonormal(columns / np.maximum(np.linalg.norm(columns, axis=0), 1e-12))
-        explained = (basis @ (basis.T @ left.ravel())).reshape(left.shape)
-        return improvement_p_value(left * self.scale, explained * self.scale, self.dataset, self.forms)
-
     def _change(self, effect: Effect) -> Floats:
         """Change of the predicted targets by `effect`, in units of the noise, shape (n, axes)."""
         return (self._aligned.predicted_targets(self.model.plus(effect)) - self._predicted) / self.scale
@@ -82,10 +51,6 @@ class Unmodelled:
     @cached_property
     def _tangent(self) -> Tangent:
         return Tangent(self.model, self._aligned, self.scale)
-
-    @cached_property
-    def _usual_trims(self) -> Tangent:
-        return Tangent(self.model, self._aligned, self.scale, trims_unknown=False)
 
     @cached_property
     def _predicted(self) -> Floats:
@@ -138,24 +103,3 @@ def best_guesses(effect: type[Effect], left: Unmodelled) -> tuple[list[Effect], 
     independent = min(len(explained), len(np.unique(dataset.block)))
     # One that was joined from the best of each flight is the best of all their combinations.
     return tied, independent ** len(flights) if best[0] in joined else independent
-
-
-HOPELESS = 0.1
-"""p-value, uncorrected, of what an effect explains of the data that it is fitted to, to first order, above which it is
-not fitted. On held-out data it is larger, but for what is not of first order."""
-
-
-def is_hopeless(effect: type[Effect], left: Unmodelled) -> bool:
-    """Tell whether an effect explains, to first order about the best of its starts, no more than noise does.
-
-    Not of a lag, for which the flights are aligned again.
-    """
-    if effect.adds_lag:
-        return False
-    return all(p_value > HOPELESS for p_value in left.first_order_p_values(best_start(effect, left)))
-
-
-def best_start(effect: type[Effect], left: Unmodelled) -> Effect:
-    """The start of an effect that explains most times a factor."""
-    starts = effect.starts([flight.conditions for flight in left.dataset.flights], left.model.vehicle)
-    return max(starts, key=left.explained_by) if len(starts) > 1 else starts[0]

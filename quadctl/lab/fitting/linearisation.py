@@ -5,7 +5,7 @@ import numpy as np
 
 from quadctl.lab.arrays import Floats
 from quadctl.lab.fitting.nuisances import FORCES, PRIOR_STD, nuisance_jacobian
-from quadctl.lab.fitting.parameters import free_parameters, is_held, parameter_jacobian, values_of
+from quadctl.lab.fitting.parameters import free_parameters, parameter_jacobian
 from quadctl.lab.flights.dataset import Dataset
 from quadctl.lab.flights.prediction import predict_targets
 from quadctl.model import Model
@@ -21,20 +21,16 @@ class Tangent:
 
     Changes are in units of `scale` per axis, shape (axes,), so that the noise has variance 1. A nuisance adds variance
     along the direction in which it changes the targets of its flight: `rest` divides by that standard deviation, so
-    that what nuisances can easily explain counts little. With `trims_unknown`, the nuisances of the forces are
-    unconstrained: a mass that changes at the beginning of the flight is nothing but a thrust scale. All others have
-    their prior standard deviation: a weak rotor (an effect) looks like a large nuisance. Parameters are unconstrained,
-    but for those that a bound holds, without `trims_unknown`: they explain nothing more.
+    that what nuisances can easily explain counts little. The nuisances of the forces are unconstrained: a mass that
+    changes at the beginning of the flight is nothing but a thrust scale. All others have their prior standard
+    deviation: a weak rotor (an effect) looks like a large nuisance. Parameters are unconstrained.
     """
 
-    def __init__(self, model: Model, dataset: Dataset, scale: Floats, *, trims_unknown: bool = True) -> None:
+    def __init__(self, model: Model, dataset: Dataset, scale: Floats) -> None:
         self._parts = dataset.parts
         self._own: list[_WidenedNoise] = []
-        of_forces = UNCONSTRAINED if trims_unknown else 1.0
-        prior_stds = np.where(np.arange(len(PRIOR_STD)) < FORCES, of_forces, 1.0) * PRIOR_STD
+        prior_stds = np.where(np.arange(len(PRIOR_STD)) < FORCES, UNCONSTRAINED, 1.0) * PRIOR_STD
         free = free_parameters(model)
-        if not trims_unknown:
-            free = [f for f, v in zip(free, values_of(model, free), strict=True) if not is_held(f, float(v))]
         ranges = np.array([f.parameter.high - f.parameter.low for f in free])
         size, beside = 0.0, []
         for flight in dataset.flights:

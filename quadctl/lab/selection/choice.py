@@ -13,7 +13,6 @@ from quadctl.lab.fitting.form_errors import FormErrors
 from quadctl.lab.fitting.significance import improvement_p_value
 from quadctl.lab.flights.channels import ROTOR_SPEED
 from quadctl.lab.flights.dataset import Dataset
-from quadctl.lab.selection.constants import with_constants_told
 from quadctl.lab.selection.rule import (
     RULE,
     Rule,
@@ -57,7 +56,7 @@ def choose_effects(
         pool = [effect for effect in pool if not effect.only_of_several_flights]
     unfit = [e for e in pool if any(dataset.span(variable) < span for variable, span in e.needs.items())]
     pool = [effect for effect in pool if effect not in unfit]
-    path = with_constants_told(search(fit, pool, progress, rule), pool)
+    path = search(fit, pool, progress, rule)
     progress("analysing the remaining error")
     # The part explained by an effect that is too small to be called missing is not unexplained.
     small = [c.residual for c in path.latest.values() if is_measured(c, rule) and not is_supported(c, rule)]

@@ -334,10 +334,10 @@ def diagnose_fit(
 def _ranking(path: Path, found: FittedModel) -> list[Candidate]:
     """Missing candidates, with parameters and intervals of the fit of all of them; then the others by their
     improvement. `found` is the fit of what the path found to all data."""
-    first = [candidate for candidate in path.chosen if candidate.family in path.missing]
+    first = list(path.chosen)
     shown = {candidate.effect.name for candidate in first}
     others = [candidate for name, candidate in path.latest.items() if name not in shown]
-    if len(first) > 1 or len(path.chosen) > len(first) or (first and found is not path.current):
+    if len(first) > 1 or (first and found is not path.current):
         fit = found.refined() if found is path.current else found
         places = {effect.family(): place for place, effect in enumerate(fit.model.effects)}
         first = [judged_beside(_refitted(candidate, fit, places[candidate.family]), path) for candidate in first]

@@ -88,12 +88,12 @@ def is_material(effect: Effect, largest_drop: float, explained_m_s2: float, rule
 
     What shows in the moments or in the accelerometer, and a lag, of which a delay explains most, may explain little.
     """
-    may_be_small = _shows_elsewhere(effect) or effect.adds_lag
+    may_be_small = shows_elsewhere(effect) or effect.adds_lag
     counts = may_be_small or explained_m_s2 > rule.least_m_s2
     return (counts and largest_drop > rule.material) or explained_m_s2 > rule.material_m_s2
 
 
-def _shows_elsewhere(effect: Effect) -> bool:
+def shows_elsewhere(effect: Effect) -> bool:
     """Tell whether an effect shows in the moments or in the accelerometer, too."""
     return concerns(effect, "turning") or concerns(effect, "sensing")
 
@@ -147,14 +147,10 @@ def shows_in_moments(c: Candidate, rule: Rule = RULE) -> bool:
 
 
 def is_there(c: Candidate, rule: Rule = RULE) -> bool:
-    """Tell whether held-out data show the effect of a candidate, even if it is too small to be called missing."""
-    return is_significant(c.p_value, rule) and _is_possible(c, rule)
-
-
-def _is_possible(c: Candidate, rule: Rule = RULE) -> bool:
-    """Tell whether a candidate helps, and has parameters that are possible, be it significant or not."""
+    """Tell whether held-out data show the effect of a candidate, even if it is too small to be called missing: it
+    helps, and its parameters are possible."""
     helps = c.held_out_drop > 0.0 and not is_harmful(c, rule) and shows_in_moments(c, rule)
-    return helps and c.believable and c.determined and not c.at_bound
+    return is_significant(c.p_value, rule) and helps and c.believable and c.determined and not c.at_bound
 
 
 def is_trim(c: Candidate, rule: Rule = RULE) -> bool:
@@ -169,27 +165,13 @@ def is_usual(c: Candidate, rule: Rule = RULE) -> bool:
 
 def is_plausible(c: Candidate, rule: Rule = RULE) -> bool:
     """Tell whether a candidate would be supported if the data distinguished it from its confounded effects."""
-    return is_there(c, rule) and _matters(c, rule)
-
-
-def _matters(c: Candidate, rule: Rule = RULE) -> bool:
     material = is_material(c.effect, c.largest_drop, c.explained_m_s2, rule)
-    return material and not is_usual(c, rule) and not c.implied
+    return is_there(c, rule) and material and not is_usual(c, rule) and not c.implied
 
 
 def is_supported(c: Candidate, rule: Rule = RULE) -> bool:
     """Tell whether held-out data support a candidate: it is there, larger than a trim, and not a confounded effect."""
     return c.distinct and is_plausible(c, rule)
-
-
-def is_masked(c: Candidate, rule: Rule = RULE) -> bool:
-    """Tell whether a candidate lacks nothing but significance: what else is missing may be the noise that hides it."""
-    return c.distinct and _is_possible(c, rule) and _matters(c, rule) and not is_significant(c.p_value, rule)
-
-
-def is_look_alike(c: Candidate, rule: Rule = RULE) -> bool:
-    """Tell whether a candidate is plausible, but not distinguished from its confounded effects by these data."""
-    return is_plausible(c, rule) and not c.distinct
 
 
 def is_measured(c: Candidate, rule: Rule = RULE) -> bool:
@@ -206,39 +188,8 @@ def without_stand_ins(supported: Sequence[Candidate], tried: Sequence[Candidate]
     """
     small = [c for c in tried if is_measured(c, rule) and not is_supported(c, rule)]
     least = min((score(c.residual[:, :3], rule) for c in small), default=math.inf)
-    elsewhere = [c for c in supported if _shows_elsewhere(c.effect)]
+    elsewhere = [c for c in supported if shows_elsewhere(c.effect)]
     return [c for c in supported if c in elsewhere or score(c.residual[:, :3], rule) < least]
-
-
-def without_needless_differences(
-    supported: Sequence[Candidate], tried: Sequence[Candidate], rule: Rule = RULE
-) -> list[Candidate]:
-    """Supported candidates without those whose values differ from flight to flight, where the same family, supported or
-    not, does as well with values that are common to all flights."""
-    common = [c for c in tried if not c.effect.only_of_several_flights]
-
-    def does_as_well(c: Candidate) -> bool:
-        return any(
-            o.family == c.family and score(o.residual, rule) < score(c.residual, rule) + rule.equal_score
-            for o in common
-        )
-
-    return [c for c in supported if not (c.effect.only_of_several_flights and does_as_well(c))]
-
-
-def is_needed(effect: Effect, without: Floats, residual: Floats, p_value: float, rule: Rule = RULE) -> bool:
-    """Tell whether an effect is still needed beside the others, from the held-out residuals without and with it, shape
-    (n, axes).
-
-    It is not where, beside the others, it is as small as on any vehicle (see `is_usual`).
-    """
-    explained = explained_m_s2(without, residual)
-    usual = effect.negligible() and largest_gain(without[:, :3], residual[:, :3]) < rule.most
-    return (
-        is_significant(p_value, rule)
-        and is_material(effect, largest_gain(without, residual), explained, rule)
-        and not usual
-    )
 
 
 def are_alike(one: Floats, other: Floats, dataset: Dataset, rule: Rule = RULE) -> bool:
@@ -250,28 +201,6 @@ def is_as_good(one: Floats, other: Floats, dataset: Dataset, rule: Rule = RULE) 
     """Tell whether the held-out residual `one` is not significantly larger than `other`."""
     worse_by = score(one, rule) - score(other, rule)
     return worse_by < 0.0 or (worse_by < rule.equal_score and are_alike(other, one, dataset, rule))
-
-
-def choose(
-    supported: Sequence[Candidate], look_alikes: Sequence[Candidate], dataset: Dataset, rule: Rule = RULE
-) -> tuple[Candidate, list[str]]:
-    """Choose the candidate to add, and list the other families that do as well, `look_alikes` among them.
-
-    Each family is represented by its best variant. Of the families that are as good as the best, the one with the
-    fewest parameters is chosen; a parameter that these data do not show, as a lateral drag in a vertical flight, does
-    not count. `supported` is sorted, the best first.
-    """
-    best = supported[0]
-    every = [*supported, *look_alikes]
-    leaders = [c for i, c in enumerate(every) if c.family not in {other.family for other in every[:i]}]
-    alike = [c for c in leaders if c is best or are_alike(best.residual, c.residual, dataset, rule)]
-    as_good = [
-        c
-        for c in alike
-        if is_supported(c, rule) and score(c.residual, rule) < score(best.residual, rule) + rule.equal_score
-    ]
-    chosen = min(as_good, key=lambda c: (c.n_seen, score(c.residual, rule)))
-    return chosen, sorted({c.family for c in alike} - {chosen.family})
 
 
 def is_unexplained(residual: Floats, flexible: Floats, p_value: float, rule: Rule = RULE) -> bool:
@@ -311,7 +240,12 @@ def score(residual: Floats, rule: Rule = RULE) -> float:
     Logarithms make forces and moments, which have different units, comparable. An axis counts as no less than
     `least_share_of_moment` of its group: a yaw moment that is right to a hundredth of the others would decide alone.
     """
-    power = np.maximum(np.mean(residual**2, axis=0), 1e-12)
+    return score_of_power(np.mean(residual**2, axis=0), rule)
+
+
+def score_of_power(power: Floats, rule: Rule = RULE) -> float:
+    """Score of the mean square of each axis (see `score`), shape (axes,)."""
+    power = np.maximum(power, 1e-12)
     groups = [power[i : i + 3] for i in range(3, len(power), 3)]
     others = [float(np.log(np.maximum(p, rule.least_share_of_moment**2 * p.sum())).mean()) for p in groups]
     return 0.5 * (float(np.log(power[:3].sum())) + sum(others))

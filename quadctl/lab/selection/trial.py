@@ -1,12 +1,15 @@
 """Trial of one effect: fit on top of a fitted model, and its held-out error."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from quadctl.effects import Effect
 from quadctl.lab.arrays import Floats
 from quadctl.lab.fitting.fitted_model import FittedModel
 from quadctl.lab.fitting.fitter import Fitter
-from quadctl.lab.fitting.initial_guesses import Unmodelled, best_guesses, best_start
+from quadctl.lab.fitting.form_errors import FormErrors
+from quadctl.lab.fitting.initial_guesses import Unmodelled, best_guesses
 from quadctl.lab.fitting.nuisances import AGE, BOUND
 from quadctl.lab.fitting.significance import improvement_p_value
 from quadctl.lab.flights.dataset import Dataset
@@ -23,37 +26,46 @@ REALIGNED = 3
 @one_blas_thread
 def try_effect(effect: type[Effect], left: Unmodelled, n_tried: int, rule: Rule = RULE) -> Candidate:
     """Fit `effect` on top of the fitted model of `left`; `n_tried` is the number of candidates tried on these data."""
-    dataset, residual = left.dataset, left.residual
     fit, independent = fit_on_top(effect, left)
-    last = len(fit.model.effects) - 1
-    after = fit.held_out_residual
-    p_value = improvement_p_value(residual, residual - after, dataset, left.forms)
+    return judged(fit, effect.family(), left, left.forms, n_tried * independent, rule)
+
+
+@one_blas_thread
+def judged(
+    fit: FittedModel, family: str, left: Unmodelled, forms: FormErrors | None, n_tried: int, rule: Rule = RULE
+) -> Candidate:
+    """The effect of a family in a fitted model, judged beside the others; `left` is what the model leaves without it,
+    `forms` the errors that the forms of the others may have, and `n_tried` the number of candidates, guesses included,
+    that it was chosen from."""
+    dataset, before, after, stack = left.dataset, left.residual, fit.held_out_residual, fit.model.stack
+    place = [item.effect.family() for item in stack].index(family)
+    effect, others = stack[place].effect, [*stack[:place], *stack[place + 1 :]]
+    p_value = improvement_p_value(before, before - after, dataset, forms)
+    flights = [flight.conditions for flight in dataset.flights]
     return Candidate(
-        effect=fit.model.effects[last],
-        model=fit.model,
-        ci95=fit.ci95(last),
-        before=rmse(residual, dataset.groups),
+        effect=effect,
+        model=replace(fit.model, stack=(*others, stack[place])),
+        ci95=fit.ci95(place),
+        before=rmse(before, dataset.groups),
         after=rmse(after, dataset.groups),
-        p_value=min(1.0, p_value * n_tried * independent),
+        p_value=min(1.0, p_value * n_tried),
         residual=after,
-        worst_flight=_worst_flight(residual, after, dataset, rule),
+        worst_flight=_worst_flight(before, after, dataset, rule),
         unusual=drops_of_unusual(left.unusual_moments, fit.unusual_moments),
-        remarks=fit.remarks(last),
+        remarks=fit.remarks(place),
         believable=unbelievable(fit.model, dataset) <= unbelievable(left.model, dataset),
         distinct=effect.name not in indistinct(fit.model, dataset)
-        and (not effect.adds_lag or _is_no_delay(residual, after, dataset, rule)),
-        implied=fit.model.effects[last].implied_by(
-            fit.model.effects[:last], [flight.conditions for flight in dataset.flights], fit.model.vehicle
-        ),
-        at_bound=fit.at_bound(last),
-        determined=fit.determined(last),
+        and (not effect.adds_lag or _is_no_delay(before, after, dataset, rule)),
+        implied=effect.implied_by([item.effect for item in others], flights, fit.model.vehicle),
+        at_bound=fit.at_bound(place),
+        determined=fit.determined(place),
         solution=fit.solution,
     )
 
 
 def not_fitted(effect: type[Effect], left: Unmodelled) -> Candidate:
     """Candidate that explains nothing to first order on top of the fitted model of `left`: it changes no error."""
-    start = best_start(effect, left)
+    start = effect.starts([flight.conditions for flight in left.dataset.flights], left.model.vehicle)[0]
     errors = rmse(left.residual, left.dataset.groups)
     return Candidate(
         effect=start,

@@ -13,7 +13,6 @@ from scipy.signal import lfilter
 from quadctl.effects import CATALOG, Effect
 from quadctl.effects.airspeed_moment import IsotropicMoment
 from quadctl.effects.ground_effect import Exponential
-from quadctl.effects.motor_lag import FirstOrderLag
 from quadctl.effects.payload import MassStep
 from quadctl.effects.rotor_drag import LinearDrag
 from quadctl.effects.rotor_fault import FailingRotor, WeakRotor
@@ -26,7 +25,7 @@ from quadctl.lab.arrays import Floats
 from quadctl.lab.fitting.arrowhead import Arrow
 from quadctl.lab.fitting.fitted_model import fit_model
 from quadctl.lab.fitting.fitter import Fitter, Optimum
-from quadctl.lab.fitting.initial_guesses import Unmodelled, best_guesses, is_hopeless
+from quadctl.lab.fitting.initial_guesses import Unmodelled, best_guesses
 from quadctl.lab.fitting.linearisation import Tangent
 from quadctl.lab.fitting.noise import noise_scale
 from quadctl.lab.fitting.normal_equations import axis_weights
@@ -46,7 +45,7 @@ from quadctl.model import Model, load_model
 from quadctl.vehicle import Vehicle, load_vehicle
 from studies.blind_cases.cases import all_cases
 from studies.blind_cases.fly import fly_case
-from tests.support.flights import obedient, simulated, to_and_fro
+from tests.support.flights import obedient, simulated
 from tests.support.places import ROOT
 
 NOISE_M_S = 0.01
@@ -338,17 +337,6 @@ class TestTangent:
         assert np.linalg.norm(tangent.rest(change)) < 0.01 * np.linalg.norm(change)
         assert np.linalg.norm(tangent.rest(in_one)) < 0.01 * np.linalg.norm(in_one)
 
-    @pytest.mark.parametrize(("drag", "left"), [(0.0, True), (0.2, False)])
-    def test_a_parameter_that_a_bound_holds_explains_nothing(self, raptor: Vehicle, drag: float, left: bool) -> None:
-        log = shaken(to_and_fro(obedient(Model(raptor), 60.0, noise_m_s=NOISE_M_S), 2.0))
-        data = load_dataset([log], raptor)
-        model, more = (Model(raptor).plus(LinearDrag(d, 0.2, 0.2)) for d in (drag, drag + 0.1))
-        aligned = data.aligned_for(model)
-        change = aligned.predicted_targets(more) - aligned.predicted_targets(model)
-        tangent = Tangent(model, data, np.full(data.targets.shape[1], 1.0), trims_unknown=False)
-        rest = float(np.linalg.norm(tangent.rest(change)) / np.linalg.norm(change))
-        assert (rest > 0.3, rest < 1e-3) == (left, not left)
-
 
 class TestStarts:
     @pytest.mark.parametrize("rotor", [1, 2, 3, 4])
@@ -391,34 +379,6 @@ class TestStarts:
         picked_up = left.explained_by(MassStep(0.03, 31.0))
         assert left.explained_by(MassStep(-0.03, 31.0)) == pytest.approx(picked_up, rel=0.05)
         assert picked_up > 10.0
-
-
-class TestHopeless:
-    """An effect that explains to first order no more than noise does is not fitted."""
-
-    @pytest.mark.parametrize("truth", [ConstantScale(0.93), Exponential(a=0.3, b=6.0), MassStep(0.2, 31.0)])
-    def test_the_true_effect_is_not(self, raptor: Vehicle, truth: Effect) -> None:
-        left = Unmodelled(fit_model(Model(raptor), data_of(stacked(raptor, truth))))
-        assert not is_hopeless(type(truth), left)
-
-    def test_what_the_model_holds_is(self, raptor: Vehicle, seen: Dataset) -> None:
-        left = Unmodelled(fit_model(stacked(raptor, *SCALE_AND_GROUND), seen))
-        assert is_hopeless(ConstantScale, left)
-
-    def test_most_others_are_beside_the_true_effects(self, raptor: Vehicle, seen: Dataset) -> None:
-        left = Unmodelled(fit_model(stacked(raptor, *SCALE_AND_GROUND), seen))
-        others = [kind for kind in FOR_RAPTOR if kind.family() not in ("thrust_scale", "ground_effect")]
-        assert sum(is_hopeless(kind, left) for kind in others) > len(others) // 2
-
-    def test_a_lag_is_fitted_in_any_case(self, raptor: Vehicle, seen: Dataset) -> None:
-        assert not is_hopeless(FirstOrderLag, Unmodelled(fit_model(stacked(raptor, *SCALE_AND_GROUND), seen)))
-
-    def test_a_tilt_beyond_the_trims_is_not(self, raptor: Vehicle) -> None:
-        """Trims take the most of it, up to their bound: what they leave tells of it."""
-        log = shaken(obedient(Model(raptor), 60.0, noise_m_s=NOISE_M_S))
-        leant = dataclasses.replace(log, columns={**log.columns, "pitch_deg": log["pitch_deg"] + 2.5})
-        left = Unmodelled(fit_model(Model(raptor), load_dataset([leant], raptor)))
-        assert not is_hopeless(FixedTilt, left)
 
 
 class TestToldApart:

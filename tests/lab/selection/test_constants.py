@@ -7,13 +7,8 @@ import pytest
 
 from quadctl.effects.battery_sag import PowerSag
 from quadctl.effects.thrust_scale import ConstantScale
-from quadctl.lab.fitting.fitted_model import fit_model
-from quadctl.lab.fitting.initial_guesses import Unmodelled
 from quadctl.lab.flights.dataset import Dataset, load_dataset
-from quadctl.lab.selection.constants import with_constants_told
 from quadctl.lab.selection.diagnosis import Diagnosis, diagnose
-from quadctl.lab.selection.search import Path, begun_at, taken
-from quadctl.lab.selection.trial import try_effect
 from quadctl.logs.columns import rpm_columns
 from quadctl.model import Model
 from quadctl.vehicle import Vehicle
@@ -46,20 +41,9 @@ def test_over_a_narrow_range_of_voltages_the_answer_is_a_thrust_scale(raptor: Ve
     assert ["thrust_scale", "battery_sag"] in found.confounded
 
 
-def test_a_sag_that_was_found_gives_way_where_the_voltage_does_not_show_it(raptor: Vehicle) -> None:
-    dataset = flown(raptor, 1.8, 1.0, (14.56, 14.44), 1.0)
-    path = sagging(raptor, dataset)
-    assert path.missing == ("battery_sag",)
-    told = with_constants_told(path, POOL)
-    assert (told.missing, told.confounded) == (("thrust_scale",), (("thrust_scale", "battery_sag"),))
-    assert [step.family for step in told.steps] == ["", "thrust_scale"]
-
-
 def test_a_sag_that_the_voltage_shows_stays(raptor: Vehicle) -> None:
-    dataset = flown(raptor, 1.8, 1.0, (16.4, 13.6), 0.01)
-    path = sagging(raptor, dataset)
-    assert with_constants_told(path, POOL) is path
-    assert diagnosed(raptor, dataset).missing == ["battery_sag"]
+    found = diagnosed(raptor, flown(raptor, 1.8, 1.0, (16.4, 13.6), 0.01))
+    assert found.missing == ["battery_sag"]
 
 
 def test_both_are_named_where_the_voltage_shows_both(raptor: Vehicle) -> None:
@@ -70,10 +54,3 @@ def test_both_are_named_where_the_voltage_shows_both(raptor: Vehicle) -> None:
 def test_a_scale_too_large_for_any_sag_of_these_data_is_no_pair(raptor: Vehicle) -> None:
     found = diagnosed(raptor, flown(raptor, 0.0, 0.7, (16.4, 13.6), 0.01))
     assert (found.missing, found.confounded) == (["thrust_scale"], [])
-
-
-def sagging(raptor: Vehicle, dataset: Dataset) -> Path:
-    """Path that has found the sag alone."""
-    start = begun_at(fit_model(Model(raptor), dataset))
-    tried = {kind.name: try_effect(kind, Unmodelled(start.current), len(POOL)) for kind in POOL}
-    return taken(dataclasses.replace(start, at_start=tried, latest=tried), tried[PowerSag.name])

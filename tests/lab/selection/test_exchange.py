@@ -16,24 +16,11 @@ from quadctl.effects.tether import HangingTether
 from quadctl.effects.thrust_scale import ConstantScale
 from quadctl.lab.arrays import Floats
 from quadctl.lab.fitting.fitted_model import fit_model
-from quadctl.lab.fitting.initial_guesses import Unmodelled
 from quadctl.lab.flights.dataset import Dataset, load_dataset
 from quadctl.lab.selection.diagnosis import diagnose
 from quadctl.lab.selection.rule import score
 from quadctl.lab.selection.search import Path as Found
-from quadctl.lab.selection.search import (
-    begun_at,
-    forward,
-    is_better,
-    judged_beside,
-    largest_first,
-    pruned,
-    taken,
-    with_masked_first,
-    with_one_dropped,
-    with_other_variant,
-)
-from quadctl.lab.selection.trial import try_effect
+from quadctl.lab.selection.search import judged_beside, search
 from quadctl.logs.flight_log import FlightLog
 from quadctl.logs.read import read_logs
 from quadctl.model import Model, load_model
@@ -48,15 +35,13 @@ pytestmark = pytest.mark.long
 
 
 def test_a_drag_and_a_tilted_thrust_are_no_wind(tmp_path: Path) -> None:
-    """A wind alone explains a part of both; the search without the tilt finds none either."""
+    """A wind alone explains a part of both."""
     (case,) = (c for c in all_cases("tuning") if c.truths == ("HubForce", "BentArms") and c.strength == 1.0)
     vehicle = load_model(ROOT / "config/vehicles/raptor.yaml").vehicle
     assert case.vehicle == vehicle.name
     flown = load_dataset(read_logs(fly_case(case, tmp_path).seen), vehicle)
     pool = of_families("wind", "rotor_drag", "thrust_tilt")
-    first = greedy(flown, *pool)
-    assert sorted(first.missing) == ["rotor_drag", "thrust_tilt"]
-    assert sorted(with_one_dropped(first, pool, quiet).missing) == ["rotor_drag", "thrust_tilt"]
+    assert sorted(found_in(flown, *pool).missing) == ["rotor_drag", "thrust_tilt"]
 
 
 def test_what_a_ground_effect_implies_counts_for_no_other_explanation(tmp_path: Path) -> None:
@@ -74,9 +59,7 @@ def test_a_wind_on_a_quadratic_drag_beside_a_wrong_mass_is_no_further_drag(tmp_p
     hidden = {"wind": {"speed": 6.0, "course_deg": -110.0, "area": 0.03}, "thrust_scale": {"error": 0.06}}
     _, flown = in_rotorpy(Case("pair", "px4_quadx", missions, hidden, outdoors=True), tmp_path)
     pool = of_families("wind", "thrust_scale", "body_drag")
-    first = greedy(flown, *pool)
-    assert sorted(first.missing) == ["thrust_scale", "wind"]
-    assert with_other_variant(first, pool).missing == first.missing
+    assert sorted(found_in(flown, *pool).missing) == ["thrust_scale", "wind"]
 
 
 def in_rotorpy(case: Case, folder: Path) -> tuple[Model, Dataset]:
@@ -105,12 +88,8 @@ def weakened(logs: list[FlightLog], share: Callable[[Floats], Floats], vehicle: 
     return load_dataset(made, vehicle)
 
 
-def quiet(text: str) -> None:
-    """Nobody is told of the progress."""
-
-
-def greedy(dataset: Dataset, *pool: type) -> Found:
-    return pruned(forward(begun_at(fit_model(Model(dataset.flights[0].vehicle), dataset)), pool, quiet))
+def found_in(dataset: Dataset, *pool: type[Effect]) -> Found:
+    return search(fit_model(Model(dataset.flights[0].vehicle), dataset), pool, lambda text: None)
 
 
 @pytest.mark.parametrize("share", [0.95, 0.85])
@@ -119,20 +98,15 @@ def test_a_wrong_mass_over_a_ground_effect_is_no_cable(
 ) -> None:
     """Thrust that is too low everywhere and grows near the ground: alone, a cable explains most of it."""
     pool = (ConstantScale, HangingTether, Exponential)
-    first = greedy(weakened(staircases, lambda time: np.full_like(time, share), raptor), *pool)
-    assert "tether" in first.missing
-    found = with_one_dropped(first, pool, quiet)
+    found = found_in(weakened(staircases, lambda time: np.full_like(time, share), raptor), *pool)
     assert sorted(found.missing) == ["ground_effect", "thrust_scale"]
-    assert with_one_dropped(found, pool, quiet) is found
 
 
 def test_a_battery_and_a_ground_effect_that_hide_each_other_are_found(
     staircases: list[FlightLog], raptor: Vehicle
 ) -> None:
     pool = (LinearSag, Exponential)
-    first = greedy(weakened(staircases, lambda time: 1.0 - 0.1 * time, raptor), *pool)
-    assert first.missing == ()
-    found = with_masked_first(first, pool, quiet)
+    found = found_in(weakened(staircases, lambda time: 1.0 - 0.1 * time, raptor), *pool)
     assert sorted(found.missing) == ["battery_sag", "ground_effect"]
     hidden, other = found.chosen
     assert hidden.p_value > 0.01 > other.p_value
@@ -142,41 +116,23 @@ def test_a_battery_and_a_ground_effect_that_hide_each_other_are_found(
     assert judged_beside(other, found) is other
 
 
-class TestOrder:
-    """A path that came by a detour."""
+def test_what_explains_most_alone_comes_first(rigid: Model) -> None:
+    """A vehicle that is dragged, and whose rotors give 85 % of their thrust."""
+    truth = rigid.plus(ConstantScale(0.85))
+    log = to_and_fro(obedient(truth, 90.0, noise_m_s=0.01), 2.0)
+    slowed = {name: log[name] for name in log.columns}
+    lean = np.degrees(np.arctan(0.3 * log["vx_m_s"] / 9.81 + np.gradient(log["vx_m_s"], log.time_s) / 9.81))
+    slowed["pitch_deg"] = slowed["pitch_deg"] - lean
+    path = found_in(load_dataset([replace(log, columns=slowed)], rigid.vehicle), LinearDrag, ConstantScale)
+    assert path.missing == ("thrust_scale", "rotor_drag")
+    first, second, last = (step.rmse["total"] for step in path.steps)
+    assert first > 2.0 * second > 2.0 * last
 
-    @pytest.fixture
-    def flown(self, rigid: Model) -> Dataset:
-        """A vehicle that is dragged, and whose rotors give 85 % of their thrust."""
-        truth = rigid.plus(ConstantScale(0.85))
-        log = to_and_fro(obedient(truth, 90.0, noise_m_s=0.01), 2.0)
-        slowed = {name: log[name] for name in log.columns}
-        lean = np.degrees(np.arctan(0.3 * log["vx_m_s"] / 9.81 + np.gradient(log["vx_m_s"], log.time_s) / 9.81))
-        slowed["pitch_deg"] = slowed["pitch_deg"] - lean
-        return load_dataset([replace(log, columns=slowed)], rigid.vehicle)
 
-    def test_what_explains_most_alone_comes_first(self, flown: Dataset) -> None:
-        path = begun_at(fit_model(Model(flown.flights[0].vehicle), flown))
-        pool = [LinearDrag, ConstantScale]
-        path = forward(path, pool, quiet)
-        assert path.missing == ("thrust_scale", "rotor_drag")
-        assert largest_first(path, len(pool)) is path
-        detour = path.restarted()
-        for kind in pool:
-            detour = taken(detour, try_effect(kind, Unmodelled(detour.current), len(pool)))
-        assert detour.missing == ("rotor_drag", "thrust_scale")
-        mended = largest_first(detour, len(pool))
-        assert mended.missing == ("thrust_scale", "rotor_drag")
-        assert score(mended.residual) == pytest.approx(score(detour.residual), abs=0.005)
-        first, second, last = (step.rmse["total"] for step in mended.steps)
-        assert first > 2.0 * second > 2.0 * last
-
-    def test_another_path_is_no_better_with_an_effect_at_its_bound(self, rigid: Model) -> None:
-        """No inflow takes three times the thrust away at a climb rate of v_h; twice, the bound, explains most of it."""
-        flown = load_dataset([obedient(rigid.plus(AxialInflow(k=3.0)), 60.0, noise_m_s=0.01)], rigid.vehicle)
-        path = begun_at(fit_model(rigid, flown))
-        left = Unmodelled(path.current)
-        bounded = taken(path, try_effect(AxialInflow, left, 1))
-        assert bounded.current.at_bound(0)
-        assert score(bounded.residual) < score(path.residual) - 0.1
-        assert not is_better(bounded, path)
+def test_an_effect_at_its_bound_is_not_found(rigid: Model) -> None:
+    """No inflow takes three times the thrust away at a climb rate of v_h; twice, the bound, explains most of it."""
+    flown = load_dataset([obedient(rigid.plus(AxialInflow(k=3.0)), 60.0, noise_m_s=0.01)], rigid.vehicle)
+    path = found_in(flown, AxialInflow)
+    tried = path.latest[AxialInflow.name]
+    assert tried.at_bound and score(tried.residual) < score(path.residual) - 0.1
+    assert path.missing == ()

@@ -57,7 +57,14 @@ class TestReasonAgainst:
         tried = next(c for c in nothing.ranking if c.family == "rotor_drag")
         effect = type(tried.effect).from_values({p.name: 0.3 for p in tried.effect.parameters()}, "test")
         after = {axis: 0.5 * error for axis, error in tried.before.items()}
-        good = {"believable": True, "distinct": True, "implied": False, "at_bound": False, "determined": True}
+        good = {
+            "fitted": True,
+            "believable": True,
+            "distinct": True,
+            "implied": False,
+            "at_bound": False,
+            "determined": True,
+        }
         return replace(tried, effect=effect, after=after, p_value=1e-6, worst_flight=0.0, **good)
 
     @pytest.mark.parametrize(
