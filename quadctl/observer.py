@@ -15,6 +15,7 @@ from pydantic import Field
 from quadctl.settings import Settings
 
 SIZES = 1e-6, 1e6
+MOST_SHARE, MOST_DAMPING_1_S = 2.0, 60.0
 Size = Annotated[float, Field(ge=SIZES[0], le=SIZES[1])]
 Time = Annotated[float, Field(ge=1e-3, le=1e3)]
 AXES = ("north", "east", "down", "roll", "pitch", "yaw")
@@ -35,6 +36,17 @@ class AxisNoise(Settings):
     """Standard deviation of the noise of velocity or rate, m/s or rad/s, each sample."""
 
 
+class MomentNoise(AxisNoise):
+    """Disturbances about a body axis, and what a forecast of a closed loop trusts.
+
+    The commands to come answer disturbances that nobody knows yet, so a share of what turns the body is trusted, with
+    more damping.
+    """
+
+    share: Annotated[float, Field(ge=0.0, le=MOST_SHARE)] = 1.0
+    damping_1_s: Annotated[float, Field(ge=0.0, le=MOST_DAMPING_1_S)] = 0.0
+
+
 class Observer(Settings):
     """Noise that an observer reckons with in flights sampled every `step_s`."""
 
@@ -42,14 +54,19 @@ class Observer(Settings):
     north: AxisNoise
     east: AxisNoise
     down: AxisNoise
-    roll: AxisNoise
-    pitch: AxisNoise
-    yaw: AxisNoise
+    roll: MomentNoise
+    pitch: MomentNoise
+    yaw: MomentNoise
 
     @cached_property
     def noise(self) -> np.ndarray:
         """The fields of `AxisNoise` in their order, by `AXES`, shape (6, 5)."""
-        return np.array([list(getattr(self, axis).model_dump().values()) for axis in AXES])
+        return np.array([[getattr(getattr(self, axis), name) for name in AxisNoise.model_fields] for axis in AXES])
+
+    @cached_property
+    def trusted(self) -> np.ndarray:
+        """Share and damping, 1/s, of a forecast about roll, pitch and yaw, shape (3, 2)."""
+        return np.array([[axis.share, axis.damping_1_s] for axis in (self.roll, self.pitch, self.yaw)])
 
     @cached_property
     def lasting_s(self) -> np.ndarray:
@@ -120,6 +137,15 @@ def steady_filter(noise: np.ndarray, step_s: float) -> tuple[np.ndarray, np.ndar
             power @ shared @ power,
         )
     return transition, covariance[:, 0] / (covariance[0, 0] + 1.0)
+
+
+def foreseen(rate: np.ndarray, x: np.ndarray, trusted: np.ndarray) -> np.ndarray:
+    """Derivative of states as a forecast of a closed loop reckons with it, shape as of rate, of the states x.
+
+    trusted: share and damping, 1/s, about roll, pitch and yaw, shape (3, 2).
+    """
+    share, damping_1_s = trusted.T.reshape((2, 3) + (1,) * (x.ndim - 1))
+    return np.concatenate([rate[:10], share * rate[10:13] - damping_1_s * x[10:13], rate[13:]])
 
 
 def rolled_out(

@@ -12,13 +12,14 @@ from quadctl.effects.motor_lag import lagged as lagged_by_hats
 from quadctl.errors import SettingsError
 from quadctl.lab.rotation.innovations import Noise, rate_filter
 from quadctl.model import Model, load_model, model_to_dict, save_model
-from quadctl.observer import AXES, AxisNoise, Observer, delayed, lagged, rolled_out, steady_filter
+from quadctl.observer import AXES, Observer, delayed, lagged, rolled_out, steady_filter
 from quadctl.vehicle import Vehicle
 
 OBSERVER = Observer(
     step_s=0.01,
     **{
-        axis: AxisNoise(quick=1.0 + i, quick_s=0.03, slow=2.0 + i, slow_s=2.0 + 0.1 * i, sensor=0.01)
+        axis: {"quick": 1.0 + i, "quick_s": 0.03, "slow": 2.0 + i, "slow_s": 2.0 + 0.1 * i, "sensor": 0.01}
+        | ({"share": 0.1 * i, "damping_1_s": 1.0 + i} if i > 2 else {})
         for i, axis in enumerate(AXES)
     },
 )
@@ -71,11 +72,18 @@ class TestFile:
         save_model(Model(raptor), tmp_path / "plain.yaml")
         assert load_model(tmp_path / "plain.yaml").observer is None
         assert "observer" not in (tmp_path / "plain.yaml").read_text()
+        data = model_to_dict(replace(Model(raptor), observer=OBSERVER), None)
+        del data["observer"]["yaw"]["share"], data["observer"]["yaw"]["damping_1_s"]
+        (tmp_path / "before.yaml").write_text(yaml.safe_dump(data))
+        before = load_model(tmp_path / "before.yaml").observer
+        assert before is not None and before.trusted[2].tolist() == [1.0, 0.0]
 
     @pytest.mark.parametrize(
         ("change", "words"),
         [
             (lambda o: o["roll"].update(slow_s=0.0), "observer.roll.slow_s is 0.0, expected greater than or equal"),
+            (lambda o: o["roll"].update(share=3.0), "observer.roll.share is 3.0, expected less than or equal to 2"),
+            (lambda o: o["down"].update(share=1.0), "unknown key 'observer.down.share'"),
             (lambda o: o["down"].update(sensor="much"), "observer.down.sensor is 'much', expected a number"),
             (lambda o: o["yaw"].update(slow=float("inf")), "observer.yaw.slow is inf, expected"),
             (lambda o: o.pop("east"), "observer.east is missing"),

@@ -54,6 +54,8 @@ class Dynamics(NamedTuple):
     disturbed: ca.Function | None
     """The same with the states of slow forces and moments behind those, which fade; None for a model without an
     observer."""
+    foreseen: ca.Function | None
+    """The same as a forecast of flights under one controller trusts it; None as `disturbed`."""
     states: tuple[str, ...]
     """Names of the states of `disturbed`, or of `commanded`."""
     parameters: tuple[str, ...]
@@ -84,14 +86,18 @@ def dynamics(model: Model) -> Dynamics:
         raise cannot_be_evaluated(_culprit(model), "it then gives other numbers")
     states = ca.vertcat(x, rotors)
     commanded = ca.Function("commanded", [states, u, p], [ca.vertcat(*whole)], ["x", "u", "p"], ["x_dot"])
-    disturbed, names_of_states = None, (*STATE, *stages.states(n))
+    disturbed, foreseen, names_of_states = None, None, (*STATE, *stages.states(n))
     if model.observer is not None:
         d, names_of_states = ca.SX.sym("disturbances", len(DISTURBANCES)), (*names_of_states, *DISTURBANCES)
         moved = _disturbed(whole, _each(d), model.observer)
-        disturbed = ca.Function(
-            "disturbed", [ca.vertcat(states, d), u, p], [ca.vertcat(*moved)], ["x", "u", "p"], ["x_dot"]
+        trusted = list(moved)
+        for row, (share, damping_1_s) in enumerate(model.observer.trusted, start=10):
+            trusted[row] = share * moved[row] - damping_1_s * x[row]
+        disturbed, foreseen = (
+            ca.Function(name, [ca.vertcat(states, d), u, p], [ca.vertcat(*rate)], ["x", "u", "p"], ["x_dot"])
+            for name, rate in (("disturbed", moved), ("foreseen", trusted))
         )
-    return Dynamics(function, commanded, disturbed, names_of_states, names, left_out(model, stages))
+    return Dynamics(function, commanded, disturbed, foreseen, names_of_states, names, left_out(model, stages))
 
 
 def _conditions(model: Model, x: Sequence[Any], p: Sequence[Any], names: Sequence[str]) -> Conditions:

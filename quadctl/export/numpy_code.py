@@ -25,7 +25,7 @@ from quadctl.export.equations import (
 from quadctl.export.terms import Named, Names, Renamed, Symbol, written
 from quadctl.frames import GRAVITY_M_S2
 from quadctl.model import Model, StackedEffect
-from quadctl.observer import DISTURBANCES, delayed, disturbances, lagged, rolled_out, steady_filter
+from quadctl.observer import DISTURBANCES, delayed, disturbances, foreseen, lagged, rolled_out, steady_filter
 from quadctl.vehicle import Vehicle
 from quadctl.words import Fact
 
@@ -52,7 +52,7 @@ ARGUMENTS = (
 )
 """Arguments in the order in which they stand."""
 _RESERVED = {"np", "known_or", "vector", "to_body", "to_world"}
-_OBSERVING = (delayed, lagged, steady_filter, disturbances, rolled_out)
+_OBSERVING = (delayed, lagged, steady_filter, disturbances, foreseen, rolled_out)
 """Functions of the observer, whose text the file holds as it stands."""
 
 
@@ -260,6 +260,7 @@ class _File:
             f"STEP_S = {observer.step_s!r}  # of its samples",
             _tuple("DISTURBANCES", DISTURBANCES),
             _array("NOISE", observer.noise.tolist(), "quick, quick_s, slow, slow_s, sensor: as in DISTURBANCES"),
+            _array("TRUSTED", observer.trusted.tolist(), "share, damping 1/s of roll_out about roll, pitch, yaw"),
             f"LAGS_S = np.array({following}[*NOISE[:, 1], *NOISE[:, 3]])  # of what stands behind STATE",
         ]
 
@@ -604,12 +605,18 @@ def x_dot_disturbed(x, u, p):
     return np.concatenate([rate, (-x[at:].T / LAGS_S[at - len(STATE) :]).T])
 
 
+def x_dot_foreseen(x, u, p):
+    """x_dot_disturbed as a forecast of flights under the same controller trusts it."""
+    return foreseen(x_dot_disturbed(x, u, p), x, TRUSTED)
+
+
 def roll_out(x, u, p):
     """States from x on, every STEP_S, shape (states, steps + 1) or (states, steps + 1, windows).
 
+    u is what the controller of the fitted flights sent: of other commands x_dot_disturbed tells what they do.
     x: as `observed` gives it, shape (states,) or (states, windows); u: as `sent` gives it, at x and at each step,
     shape (rotors, steps + 1) or (rotors, steps + 1, windows); p: as in PARAMETERS.
     """
-    return rolled_out(lambda x, u: x_dot_disturbed(x, u, p), np.asarray(x, dtype=float), np.asarray(u), LAGS_S, STEP_S)
+    return rolled_out(lambda x, u: x_dot_foreseen(x, u, p), np.asarray(x, dtype=float), np.asarray(u), LAGS_S, STEP_S)
 '''
 """The observer, with a place for the states of the rotors."""

@@ -24,7 +24,7 @@ def _write_casadi(model: Model, path: Path) -> tuple[Fact, ...]:
     with TemporaryDirectory() as folder:  # CasADi says nothing where it cannot write
         saved = Path(folder) / "body.casadi"
         file = ca.FileSerializer(str(saved))
-        for function in (equations.function, equations.commanded, equations.disturbed):
+        for function in (equations.function, equations.commanded, equations.disturbed, equations.foreseen):
             if function is not None:
                 file.pack(function)
         del file  # closes it

@@ -116,8 +116,8 @@ def _page(
     by flights that it does not learn from.
 
     - **{ESTIMATED}**: the model that `quadctl rotation -o` saves, with its observer of slow forces and moments, as
-    [exported code](export.md#the-past-and-rollouts) rolls it out. What a simulator may use, which closes the loop
-    itself; replayed commands that answered disturbances drive it away from the record.
+    [exported code](export.md#the-past-and-rollouts) rolls it out: of what turns the body it trusts a share, with more
+    damping. A simulator, which closes the loop itself, uses the model without that.
 
     - **{FORECAST}**: the past is explained by the physics as estimated; of what is to come a share is trusted, with
     more damping, fitted to the forecasts after 0.25 and 0.5 s. Of flights under this controller only, and no what-if.

@@ -129,17 +129,26 @@ def fit_forecast(
 
     first = np.array([f.start for f in free]) / scale
     low, high = (np.array(b) / scale for b in ([f.low for f in free], [f.high for f in free]))
-    typical = np.median(np.linalg.norm(joined.errors(forecast(first)), axis=3), axis=0)[None, :, :, None]
+    typical = typical_size(joined.errors(forecast(first)))
 
-    def compared(x: Floats) -> Floats:
-        relative = joined.errors(forecast(x)) / typical
-        size = np.sum(relative**2, axis=3, keepdims=True)
-        weight = np.sqrt(2.0 * (np.sqrt(1.0 + size) - 1.0) / np.maximum(size, 1e-12))
-        return np.asarray(np.minimum(np.abs(relative), 1e3) * np.sign(relative) * weight).ravel()
+    def missed(x: Floats) -> Floats:
+        return compared(joined.errors(forecast(x)) / typical)
 
     steps = np.full(len(free), 1e-3)
-    found = least_squares(compared, first, bounds=(low, high), diff_step=steps, ftol=1e-3, max_nfev=15)
+    found = least_squares(missed, first, bounds=(low, high), diff_step=steps, ftol=1e-3, max_nfev=15)
     return forecast(found.x)
+
+
+def typical_size(errors: Floats) -> Floats:
+    """Median size of errors along three axes, shape (windows, horizons, 4, 3), over the windows."""
+    return np.asarray(np.median(np.linalg.norm(errors, axis=3), axis=0)[None, :, :, None])
+
+
+def compared(relative: Floats) -> Floats:
+    """Errors over their typical size, shape as there, of which the sum of squares grows in proportion to large ones."""
+    size = np.sum(relative**2, axis=3, keepdims=True)
+    weight = np.sqrt(2.0 * (np.sqrt(1.0 + size) - 1.0) / np.maximum(size, 1e-12))
+    return np.asarray(np.minimum(np.abs(relative), 1e3) * np.sign(relative) * weight).ravel()
 
 
 def _start(observer: Observer) -> list[tuple[str, float, float, float]]:

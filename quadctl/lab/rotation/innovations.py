@@ -4,7 +4,9 @@ In closed loop the commands hold the controller's knowledge of the disturbances,
 commands is biased. One that predicts each sample from all earlier ones is not, provided that its model of the noise is
 right, so that its errors (innovations) are white, and that the command acts at least one sample later (Ljung 1999,
 System Identification, 2nd ed., ch. 13.4). The noise here is white noise and a slow disturbance, an Ornstein-Uhlenbeck
-process; its innovations are those of the steady Kalman filter. Parameters that enter linearly are eliminated (variable
+process; its innovations are those of the steady Kalman filter. A loop that is faster than the log answers samples of
+the gyro that are not logged, too, so what of a command the log before it does not foresee tells the next innovations,
+as a later and weaker command would: these are taken beyond it. Parameters that enter linearly are eliminated (variable
 projection, Golub & Pereyra 1973).
 """
 
@@ -285,6 +287,14 @@ def _slope(regress: Callable[[Floats], Sequence[Regression]], at: Floats, i: int
     step[i] = STEP * max(abs(at[i]), 1e-2)
     (more, by_more, _), (less, by_less, _) = (_stacked(regress(at + sign * step)) for sign in (1.0, -1.0))
     return np.asarray(((less - by_less @ linear) - (more - by_more @ linear)) / (2.0 * step[i]))
+
+
+def unforeseen(command: Floats, rate: Floats, reach: int) -> Floats:
+    """What a command is beyond what the rate until then and the command before tell of it, all of shape (n,), by least
+    squares over `reach` samples."""
+    late = [earlier(x[:, None], k) for k in range(reach + 1) for x in ((rate, command) if k else (rate,))]
+    design = np.column_stack([*late, np.ones(len(command))])
+    return np.asarray(command - design @ solved(design[reach:], command[reach:]))
 
 
 def earlier(columns: Floats, rows: int) -> Floats:

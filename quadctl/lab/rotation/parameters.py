@@ -29,6 +29,7 @@ from quadctl.lab.rotation.innovations import (
     held_response,
     noise_of,
     rate_filter,
+    unforeseen,
 )
 from quadctl.lab.rotation.records import Delayed, Record
 from quadctl.lab.rotation.shares import Shares, fit_shares
@@ -47,6 +48,12 @@ KNOWN_LAG_S = 0.2
 """Bound of a lag that may be none, below which it is told."""
 MOST_UNKNOWN = 0.25
 """Share of the commands' variance that may be unknown between their samples: it weakens the slope."""
+FORESEEN_S = 0.5
+"""Time after which a command has forgotten samples of the gyro that are not logged."""
+LEAST_PER_TAP = 40
+"""Samples that are needed for each one before from which a command is foreseen."""
+ANSWERED = 2
+"""Rates after a command that tell again what it answers."""
 LOW_QUICK = -8.0
 """That of the quick one in yaw: the rotors' inertia hands on at once what their speed scatters by."""
 
@@ -59,17 +66,30 @@ class _Axis:
     difference: Delayed
     airspeed: Floats | None
     record: Record
+    late: bool
+    """True where lag and delay of the rotors are known: then nothing else passes for a late command, and a reaction of
+    the rotors is told by what comes at once."""
 
     def regression(
         self, damping: float, acts: tuple[float, float, float], shared: Floats, noise: SteadyFilter
     ) -> Regression:
         """Regression with lag, delay and lead of the moment, `acts`."""
         seen = self.record.without_shared(self._seen(damping, acts), shared)
-        white = noise.whitened(seen)[:, round(SETTLED_S / self.record.measured_s) :]
+        settled = round(SETTLED_S / self.record.measured_s)
+        white = noise.whitened(seen)[:, settled:]
         columns = white[1:-1].T
         instruments = columns.copy()
         instruments[:, 1:] = earlier(columns[:, 1:], round(GUST_TURNS_S / self.record.measured_s))
-        return Regression(white[0], columns, white[-1:].T, instruments)
+        own = white[-1:].T if self.late else np.column_stack([white[-1], self._answered[settled:]])
+        return Regression(white[0], columns, own, instruments)
+
+    @cached_property
+    def _answered(self) -> Floats:
+        """What the commands before each measured rate answer beyond the log, shape (n, ANSWERED)."""
+        measured = slice(None, None, self.record.every)
+        reach = min(round(FORESEEN_S / self.record.measured_s), len(self.rate[measured]) // LEAST_PER_TAP)
+        surprise = unforeseen(self.difference.signal[measured], self.rate[measured], reach)
+        return np.column_stack([earlier(surprise[:, None], k) for k in range(1, ANSWERED + 1)])
 
     @cached_property
     def _seen(self) -> Callable[[float, tuple[float, float, float]], Floats]:
@@ -117,6 +137,7 @@ def fit_axis(
             Delayed(differences(r.command(thrust.by_voltage) / hover, thrust.value, vehicle)[:, axis], r.step_s),
             None if r.airspeed is None or not by_air else r.airspeed[:, 1 - axis],
             r,
+            late is not None,
         )
         for r in records
     ]

@@ -15,11 +15,24 @@ from scipy.signal import lfilter
 
 from quadctl.frames import GRAVITY_M_S2, multiply, rotate, rotate_inverse
 from quadctl.lab.arrays import Floats
+from quadctl.lab.rotation.forecast import SETTLED_S, WINDOWS, compared, typical_size
 from quadctl.lab.rotation.innovations import SteadyFilter, first_order, noise_of, rate_filter
 from quadctl.lab.rotation.model import UNBALANCED
-from quadctl.lab.rotation.rollout import State, Track
+from quadctl.lab.rotation.rollout import State, Track, errors_in_axes, joined, state_at
 from quadctl.model import Model, conditions
-from quadctl.observer import AXES, SIZES, AxisNoise, Observer, delayed, disturbances, lagged, rolled_out
+from quadctl.observer import (
+    AXES,
+    MOST_DAMPING_1_S,
+    MOST_SHARE,
+    SIZES,
+    AxisNoise,
+    Observer,
+    delayed,
+    disturbances,
+    foreseen,
+    lagged,
+    rolled_out,
+)
 
 RPM2_PER_KRPM2 = 1e6
 START = np.array([-3.3, 0.9, 0.5, -4.0])
@@ -28,6 +41,10 @@ LOWEST, HIGHEST = np.array([-5.0, -1.5, -7.0, -11.0]), np.array([-1.0, 3.5, 4.0,
 AHEAD_S = (0.1, 0.25, 0.5)
 """Horizons whose forecasts the observer's noise is fitted to: one that is fitted to the next sample follows quick
 disturbances, which are gone half a second later."""
+WHOLE = np.array([[1.0, 0.0]] * 3)
+"""All that is observed and computed, as `Observer.trusted`."""
+LEAST_WINDOWS = 50
+"""Rollouts that are needed to tell what of them can be trusted."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,24 +124,32 @@ class Replay:
         """States and, behind them, the disturbances at each sample, from it and those before."""
         return np.concatenate([self.states(), disturbances(*self._sixfold(), self._observer.noise, self.track.step_s)])
 
-    def roll_out(self, rows: NDArray[np.intp], steps: Sequence[int]) -> list[State]:
-        """States after each of these numbers of steps, from windows that start at `rows`."""
-        begin, commanded = self.observed()[:, rows], self.commanded_n()
+    def windows(self, rows: NDArray[np.intp], steps: int) -> tuple[Floats, Floats]:
+        """States with disturbances at `rows`, and nominal thrusts at each step from there, shapes (states, w) and (k,
+        steps + 1, w)."""
+        return self.observed()[:, rows], self.commanded_n()[:, rows[None, :] + np.arange(steps + 1)[:, None]]
+
+    def rolled_out(self, begin: Floats, ahead: Floats, trusted: Floats) -> Floats:
+        """States from those of `windows` on, shape (states, steps + 1, w); `trusted` as in `Observer`."""
         at, lasting_s = len(begin) - 2 * len(AXES), self._observer.lasting_s
-        following_s = np.full(at - 13, self.lag_s)
 
         def x_dot(x: Floats, commanded_n: Floats) -> Floats:
             rate = self.x_dot(x[:at], commanded_n)
             beyond = x[at : at + 6] + x[at + 6 :]
             rate[3:6] += beyond[:3]
             rate[10:13] += beyond[3:]
-            return np.concatenate([rate, -x[at:] / lasting_s[:, None]])
+            return foreseen(np.concatenate([rate, -x[at:] / lasting_s[:, None]]), x, trusted)
 
-        ahead = commanded[:, rows[None, :] + np.arange(max(steps) + 1)[:, None]]
-        ends = rolled_out(x_dot, begin, ahead, np.concatenate([following_s, lasting_s]), self.track.step_s)
-        return [
-            State(*(ends[part, k].T for part in (slice(3), slice(3, 6), slice(6, 10), slice(10, 13)))) for k in steps
-        ]
+        lags_s = np.concatenate([np.full(at - 13, self.lag_s), lasting_s])
+        return rolled_out(x_dot, begin, ahead, lags_s, self.track.step_s)
+
+    def roll_out(self, rows: NDArray[np.intp], steps: Sequence[int]) -> list[State]:
+        """States after each of these numbers of steps, from windows that start at `rows`."""
+        return _states(self.rolled_out(*self.windows(rows, max(steps)), self._observer.trusted), steps)
+
+
+def _states(ends: Floats, steps: Sequence[int]) -> list[State]:
+    return [State(*(ends[part, k].T for part in (slice(3), slice(3, 6), slice(6, 10), slice(10, 13)))) for k in steps]
 
 
 def fit_observer(replays: Sequence[Replay]) -> Observer:
@@ -135,8 +160,46 @@ def fit_observer(replays: Sequence[Replay]) -> Observer:
     """
     step_s = replays[0].track.step_s
     left = [replace(replay, model=_without_offset(replay.model)).unexplained() for replay in replays]
-    found = {name: _axis([signals[i] for signals in left], step_s) for i, name in enumerate(AXES)}
-    return Observer(step_s=step_s, **found)
+    found = [_axis([signals[i] for signals in left], step_s).model_dump() for i in range(len(AXES))]
+
+    def observer(trusted: Floats) -> Observer:
+        turning = [
+            of | dict(zip(("share", "damping_1_s"), row, strict=True))
+            for of, row in zip(found[3:], trusted.tolist(), strict=True)
+        ]
+        return Observer.model_validate({"step_s": step_s} | dict(zip(AXES, found[:3] + turning, strict=True)))
+
+    whole = observer(WHOLE)
+    observing = [replace(replay, model=replace(replay.model, observer=whole)) for replay in replays]
+    return observer(_trusted(observing))
+
+
+def _trusted(replays: Sequence[Replay]) -> Floats:
+    """What forecasts trust, as in `Observer`, where rollouts come closest to these flights: roll and pitch alike, and
+    yaw. Errors count as in `fit_forecast`; all is trusted where the flights are too short to tell."""
+    step_s = replays[0].track.step_s
+    steps = [round(s / step_s) for s in AHEAD_S[1:]]
+    rows = [np.arange(round(SETTLED_S / step_s), len(r.track.rates) - max(steps)) for r in replays]
+    every = max(sum(map(len, rows)) // WINDOWS, 1)
+    flights = [(r, of[::every]) for r, of in zip(replays, rows, strict=True) if len(of)]
+    if sum(len(of) for _, of in flights) < LEAST_WINDOWS:
+        return WHOLE
+    parts = zip(*(r.windows(of, max(steps)) for r, of in flights), strict=True)
+    begin, ahead = (np.concatenate(of, axis=-1) for of in parts)
+    true = [joined([state_at(r.track, of + k) for r, of in flights]) for k in steps]
+
+    def errors(trusted: Floats) -> Floats:
+        ends = _states(replays[0].rolled_out(begin, ahead, trusted), steps)
+        return np.stack([errors_in_axes(e, t) for e, t in zip(ends, true, strict=True)], axis=1)
+
+    typical, alike = typical_size(errors(WHOLE)), [0, 0, 1]
+
+    def missed(x: Floats) -> Floats:
+        return compared(errors(x.reshape(2, 2)[alike]) / typical)
+
+    bounds, scale = (np.zeros(4), np.array([MOST_SHARE, MOST_DAMPING_1_S] * 2)), np.array([0.2, 2.0] * 2)
+    found = least_squares(missed, np.array([0.8, 1.0] * 2), bounds=bounds, x_scale=scale, ftol=1e-3, max_nfev=15)
+    return np.asarray(found.x.reshape(2, 2)[alike])
 
 
 def _without_offset(model: Model) -> Model:

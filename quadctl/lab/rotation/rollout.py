@@ -207,6 +207,12 @@ def state_at(track: Track, rows: NDArray[np.intp]) -> State:
     return State(track.position[rows], track.velocity[rows], track.attitude[rows], track.rates[rows])
 
 
+def joined(states: Sequence[State]) -> State:
+    """The windows of all."""
+    names = ("position", "velocity", "attitude", "rates")
+    return State(*(np.concatenate([getattr(s, name) for s in states]) for name in names))
+
+
 def errors_in_axes(predicted: State, true: State) -> Floats:
     """Errors in `QUANTITIES` along three axes, shape (w, 4, 3)."""
     pairs = (

@@ -27,7 +27,6 @@ VEHICLE = Vehicle(
     throttle=ThrottleCurve(per_newton=0.055, offset=0.0, max_thrust_per_rotor_n=4.6),
 )
 STEP_S, CONTROL_EVERY, LOG_EVERY = 0.002, 1, 2
-DELAY_STEPS = 10
 GYRO_RAD_S = 0.004
 """Noise of the gyro at 500 Hz: 0.014 deg/s per square root of a hertz, as the data sheet of the Bosch BMI088 says."""
 LOW_PASS = 1.0 - np.exp(-2.0 * np.pi * 30.0 * STEP_S * CONTROL_EVERY)
@@ -39,6 +38,7 @@ class Truth:
     """Parameters that the simulated flights hide."""
 
     inertia: tuple[float, float, float] = (6.2e-3, 7.4e-3, 1.2e-2)
+    delay_s: float = 0.02
     lag_s: float = 0.045
     lead_s: float = 0.07
     """Lead of the drag torque by the rotors' inertia."""
@@ -76,7 +76,7 @@ def _flown(truth: Truth, drawn: Floats, phase: Floats, log_every: int) -> list[R
     q = np.vstack([np.ones(seeds), np.zeros((3, seeds))])
     hover = 0.6
     thrust = np.full((4, seeds), VEHICLE.weight_n / 4.0)
-    waiting = [np.full((4, seeds), hover)] * (DELAY_STEPS + 1)
+    waiting = [np.full((4, seeds), hover)] * (round(truth.delay_s / STEP_S) + 1)
     integral, place_integral, gust, moment = (np.zeros((3, seeds)) for _ in range(4))
     command, measured = waiting[0], np.zeros((3, seeds))
     wind = np.array(truth.wind_m_s)[:, None]

@@ -28,7 +28,7 @@ from quadctl.lab.rotation.rollout import (
     unexplained_rates,
 )
 from quadctl.model import Model
-from quadctl.observer import AXES, AxisNoise, Observer
+from quadctl.observer import AXES, Observer
 from tests.lab.rotation.closed_loop import VEHICLE
 
 STEP_S, HOVER = 0.01, 0.6
@@ -36,7 +36,8 @@ TRUTH = Physics((420.0, 400.0, 30.0), (1.7, 1.5, 1.0), (-9.0, 8.0), 1.3, (0.4, 0
 PROMPT = Late(0.0, 0.001)
 STEADY = Noise(0.03, 20.0, 3.0, 0.02)
 OBSERVER = Observer(
-    step_s=STEP_S, **{axis: AxisNoise(quick=1.0, quick_s=0.03, slow=3.0, slow_s=20.0, sensor=0.02) for axis in AXES}
+    step_s=STEP_S,
+    **{axis: {"quick": 1.0, "quick_s": 0.03, "slow": 3.0, "slow_s": 20.0, "sensor": 0.02} for axis in AXES},
 )
 
 

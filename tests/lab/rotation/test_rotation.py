@@ -25,9 +25,9 @@ from quadctl.errors import SettingsError
 from quadctl.frames import GRAVITY_M_S2
 from quadctl.lab import identify_rotation
 from quadctl.lab.arrays import Floats
-from quadctl.lab.rotation.innovations import Noise, first_order, rate_filter
+from quadctl.lab.rotation.innovations import Noise, first_order, rate_filter, unforeseen
 from quadctl.lab.rotation.model import with_rotation
-from quadctl.lab.rotation.parameters import Rotation, differences, fit_rotation
+from quadctl.lab.rotation.parameters import Rotation, differences, fit_axis, fit_rotation
 from quadctl.lab.rotation.records import Delayed, Record
 from quadctl.lab.rotation.regression import change, changed
 from quadctl.lab.rotation.rollout import (
@@ -42,11 +42,11 @@ from quadctl.lab.rotation.rollout import (
     turned_by,
 )
 from quadctl.lab.rotation.shares import fit_shares
-from quadctl.lab.rotation.thrust import hover_command
+from quadctl.lab.rotation.thrust import ThrustMap, hover_command
 from quadctl.lab.rotation.value import Value
 from quadctl.lab.rotation.words import answer
 from quadctl.model import Model, conditions, load_model
-from tests.lab.rotation.closed_loop import DELAY_STEPS, REACTION_M, STEP_S, VEHICLE, Truth, flights
+from tests.lab.rotation.closed_loop import REACTION_M, VEHICLE, Truth, flights
 from tests.lab.rotation.test_forecast import observe
 from tests.support.commands import Result
 from tests.support.places import DATA, ROOT
@@ -96,6 +96,17 @@ class TestFilters:
         assert told.gain[0] == pytest.approx(1.0, abs=0.02)
 
 
+def test_what_the_log_does_not_foresee_of_a_command_is_found() -> None:
+    random, n = np.random.default_rng(5), 4000
+    rate, new, command = random.standard_normal(n), 0.3 * random.standard_normal(n), np.zeros(n)
+    for k in range(2, n):
+        command[k] = 0.2 - 0.7 * rate[k] + 0.4 * rate[k - 2] + 0.8 * command[k - 1] - 0.3 * command[k - 2] + new[k]
+    assert unforeseen(command, rate, 4)[4:] == pytest.approx(new[4:], abs=0.07)
+    later = rate.copy()
+    later[3001:] += 1.0
+    assert not np.allclose(unforeseen(command, later, 4)[3001:], new[3001:], atol=0.07)
+
+
 def missed_moment(model: Model, flight: Record, truth: Truth) -> Floats:
     """Mean moment that turned a vehicle beyond what a model predicts from its commands, N m, shape (3,), of its size.
 
@@ -112,7 +123,7 @@ def missed_moment(model: Model, flight: Record, truth: Truth) -> Floats:
 
 @pytest.fixture(scope="module")
 def records() -> list[Record]:
-    return flights(TRUTH, 3, 45.0)
+    return flights(TRUTH, 4, 45.0)
 
 
 @pytest.fixture(scope="module")
@@ -139,7 +150,15 @@ class TestInClosedLoop:
 
     def test_the_delay_of_the_command_lies_in_its_interval(self, found: Rotation) -> None:
         assert found.delay is not None
-        assert 0.0 < found.delay.low < STEP_S * DELAY_STEPS < found.delay.high < 0.05
+        assert 0.0 < found.delay.low < TRUTH.delay_s < found.delay.high < 0.05
+
+    def test_a_loop_that_is_faster_than_the_log_does_not_make_its_commands_late(self) -> None:
+        """It answers samples of the gyro that are not logged: without reckoning with that 6 ms come out as 15."""
+        delays, at_hover = [], ThrustMap(1.2, False, None)
+        for record in flights(replace(TRUTH, delay_s=0.006), 6, 60.0, log_every=5):
+            fit = fit_axis([record], VEHICLE, 0, hover_command([record], False), at_hover)
+            delays.append(fit.values["delay_s"].value)
+        assert np.median(delays) < 0.0125
 
     def test_in_still_air_unequal_rotors_look_like_a_centre_of_mass(self) -> None:
         """It is where the thrusts of the same commands have their centre, as the controller evens them out."""
@@ -239,7 +258,7 @@ class TestInClosedLoop:
         model = with_rotation(before, found)
         assert model.vehicle.principal_inertia_kg_m2[:2] == pytest.approx(TRUTH.inertia[:2], rel=0.2)
         assert model.vehicle.rotor.time_constant_s == pytest.approx(TRUTH.lag_s, rel=0.2)
-        assert model.vehicle.rotor.delay_s == pytest.approx(STEP_S * DELAY_STEPS, rel=0.5)
+        assert model.vehicle.rotor.delay_s == pytest.approx(TRUTH.delay_s, rel=0.5)
         thrust, drag, damping, moment, *others = model.effects
         assert InertialReaction in map(type, others)
         assert isinstance(thrust, LineMap) and drag == LinearDrag(0.3, 0.3, 0.0)
