@@ -94,7 +94,7 @@ RolloutsOption = Annotated[
 ]
 JobsOption = Annotated[
     int,
-    typer.Option("--jobs", metavar="N", min=1, help="Number of processes; useful with many logs."),
+    typer.Option("--jobs", metavar="N", min=1, help="Number of processes that read logs."),
 ]
 
 

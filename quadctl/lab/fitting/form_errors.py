@@ -7,6 +7,7 @@ random smooth function (Kennedy & O'Hagan 2001, J. R. Stat. Soc. B 63, on the di
 """
 
 import math
+from collections.abc import Collection
 from dataclasses import dataclass
 
 import numpy as np
@@ -37,13 +38,13 @@ class FormErrors:
     """Smooth functions of the variables of each effect, of a mean square of about 1 together, shape (n, functions)."""
 
     @classmethod
-    def of(cls, fit: FittedModel) -> "FormErrors":
-        """Form errors of a fitted model."""
+    def of(cls, fit: FittedModel, known: Collection[str] = ()) -> "FormErrors":
+        """Form errors of a fitted model; effects whose names are `known` have none."""
         dataset, model = fit.fitter.dataset, fit.model
         sizes, waves = [], []
         for effect in model.effects:
             varied = [x for name in effect.depends_on if (x := dataset.variable(name)) is not None and np.ptp(x) > 0.0]
-            if not varied:
+            if not varied or effect.name in known:
                 continue
             does = dataset.predicted_targets(model) - dataset.predicted_targets(model.without(effect))
             sizes.append(FORM * np.hypot(does, np.sqrt(np.mean(does**2, axis=0))))

@@ -113,12 +113,6 @@ def is_at_bound(free: Free, value: float) -> bool:
     return p.high - value < near or (value - p.low < near and p.low != 0.0)
 
 
-def is_held(free: Free, value: float) -> bool:
-    """Tell whether a bound holds a parameter, be it 0."""
-    p = free.parameter
-    return min(value - p.low, p.high - value) < HELD * (p.high - p.low)
-
-
 def leaves_out_zero(free: Free, ci: tuple[float, float]) -> bool:
     """Tell whether a 95 % interval leaves 0 out."""
     near = HELD * (free.parameter.high - free.parameter.low)

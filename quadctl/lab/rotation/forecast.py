@@ -144,11 +144,16 @@ def typical_size(errors: Floats) -> Floats:
     return np.asarray(np.median(np.linalg.norm(errors, axis=3), axis=0)[None, :, :, None])
 
 
+LARGEST = 1e3
+"""Largest error over its typical size: that of a rollout that has no end state, too."""
+
+
 def compared(relative: Floats) -> Floats:
     """Errors over their typical size, shape as there, of which the sum of squares grows in proportion to large ones."""
+    relative = np.clip(np.nan_to_num(relative, nan=LARGEST), -LARGEST, LARGEST)
     size = np.sum(relative**2, axis=3, keepdims=True)
     weight = np.sqrt(2.0 * (np.sqrt(1.0 + size) - 1.0) / np.maximum(size, 1e-12))
-    return np.asarray(np.minimum(np.abs(relative), 1e3) * np.sign(relative) * weight).ravel()
+    return np.asarray(relative * weight).ravel()
 
 
 def _start(observer: Observer) -> list[tuple[str, float, float, float]]:

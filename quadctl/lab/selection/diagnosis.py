@@ -225,7 +225,8 @@ class Diagnosis(Result):
         against = {c.effect.name: in_words(reason_against(c, rival_of(c, self.chosen))) for c in self.ranking}
         table = _table(title, [c for c in self.ranking if c.fitted], missing, against)
         not_fitted = ", ".join(c.effect.name for c in self.ranking if not c.fitted)
-        left_out = [f"Not fitted, as to first order no better than noise: {not_fitted}."] if not_fitted else []
+        why = "Not fitted, as to first order no better than noise or another form"
+        left_out = [f"{why}: {not_fitted}."] if not_fitted else []
         left_out += [f"Not tried: {in_words(reason)}." for reason in self.untried]
         return Group(table, Text(on_terminal("\n".join(left_out))))
 

@@ -54,7 +54,8 @@ class FirstOrder:
 
     def __init__(self, fit: FittedModel, pool: Sequence[type[Effect]], rule: Rule) -> None:
         self._fit, self._model, self._dataset, self._rule = fit, fit.model, fit.fitter.dataset, rule
-        self._left = Unmodelled(fit)
+        self._left, self._pool = Unmodelled(fit), pool
+        self._asked: dict[frozenset[type[Effect]], tuple[float, Forms]] = {}
         dataset, groups = self._dataset, self._dataset.groups
         self._unit = self._left.scale / np.sqrt(axis_weights(dataset.flights[0], groups))
         self._predicted = [predict_targets(self._model, flight, groups) for flight in dataset.flights]
@@ -113,8 +114,10 @@ class FirstOrder:
         return self._p_value(forms, forms[0])
 
     def _best_forms(self, subset: frozenset[type[Effect]]) -> tuple[float, Forms]:
-        (found,) = self._of_each(list(product(*([f for f in self.forms if f.kind is kind] for kind in subset))))
-        return found
+        if subset not in self._asked:
+            forms = [[form for form in self.forms if form.kind is kind] for kind in self._pool if kind in subset]
+            (self._asked[subset],) = self._of_each(list(product(*forms)))
+        return self._asked[subset]
 
     # --- columns ------------------------------------------------------------------------------------------------------
 
@@ -147,24 +150,30 @@ class FirstOrder:
         jacobian = nuisance_jacobian(self._model, flight, groups, self._predicted[number])[..., free]
         return jacobian / self._unit[:, None], 1.0 / PRIOR_STD[free], -found[free] / PRIOR_STD[free]
 
-    def _eliminated(self, number: int, columns: Floats, seen: Mask) -> tuple[Floats, Floats]:
-        """Columns of a flight without what nuisances explain that are fitted to the samples `seen`, shape (n, axes,
-        m); and the Gram matrix of these samples. The last of the columns is the target."""
+    def _by_nuisances(self, number: int, rows: Floats, seen: Mask | slice) -> tuple[Floats, Floats]:
+        """Nuisances of a flight fitted to each of the columns, shape (k, m), of the samples `seen`; and the Gram matrix
+        of these without them. The last of the columns is the target."""
         jacobian, inverse, mean = self._nuisances[number]
-        rows, own = columns[seen].reshape(-1, columns.shape[-1]), jacobian[seen].reshape(-1, jacobian.shape[-1])
+        own = jacobian[seen].reshape(len(rows), len(inverse))
         right = own.T @ rows
         right[:, -1] += inverse * mean
-        by_nuisances = np.linalg.solve(own.T @ own + np.diag(inverse**2), right)
-        return columns - jacobian @ by_nuisances, rows.T @ rows - right.T @ by_nuisances
+        by = np.linalg.solve(own.T @ own + np.diag(inverse**2), right)
+        return np.asarray(by), rows.T @ rows - right.T @ by
+
+    def _eliminated(self, number: int, columns: Floats, seen: Mask) -> tuple[Floats, Floats]:
+        """Columns of a flight without what nuisances explain that are fitted to the samples `seen`, shape (n, axes,
+        m); and the Gram matrix of these samples."""
+        by, gram = self._by_nuisances(number, columns[seen].reshape(-1, columns.shape[-1]), seen)
+        return columns - self._nuisances[number][0] @ by, gram
 
     def _worth_a_place(
         self, starts: Sequence[tuple[type[Effect], Effect]], changes: Sequence[Floats], residual: Floats
     ) -> list[int]:
         """Numbers of the starts that explain most times a factor: of each effect alone, and beside the best others."""
-        columns = np.stack([*changes, residual], axis=-1)
-        gram = np.zeros((columns.shape[-1],) * 2)
+        gram = np.zeros((len(changes) + 1,) * 2)
         for number, part in enumerate(self._dataset.parts):
-            gram += self._eliminated(number, columns[part], np.ones(part.stop - part.start, dtype=bool))[1]
+            rows = np.stack([column[part].ravel() for column in (*changes, residual)], axis=-1)
+            gram += self._by_nuisances(number, rows, slice(None))[1]
         reversible = np.array([start.reversible for _, start in starts])
 
         def explained(gram: Floats) -> Floats:

@@ -2,7 +2,7 @@
 
 A linearised problem (`FirstOrder`) tells how well every subset would predict held-out data, so that the promising ones
 alone are fitted. Of the subsets that hold, the best is taken, or a simpler one that the data do not tell from it; then
-those that differ from it in one effect are fitted, and every other effect is tried on top of it.
+those that differ from it in one effect are fitted, and the best form of every other family is tried on top of it.
 """
 
 import math
@@ -91,15 +91,15 @@ def search(start: FittedModel, pool: Sequence[type[Effect]], progress: Progress,
     """Search `pool` for the effects that the fitted model `start` is missing."""
     subsets, first_order = Subsets(start, pool, rule), FirstOrder(start, pool, rule)
     held = _promising(subsets, first_order, progress)
+    best = _simplest(subsets, held)
     for _ in range(MOST_TURNS):
-        best = _simplest(subsets, held)
+        before = best
         progress(f"comparing with {_named(best)}")
         held += _exchanged(subsets, first_order, best)
+        held += _on_top(subsets, _simplest(subsets, held), progress)
         best = _simplest(subsets, held)
-        more = _on_top(subsets, best, progress)
-        if not set(more) - set(held):
+        if best == before:
             break
-        held += more
     return _with_one_for_two(subsets, first_order, _path_to(subsets, best), best)
 
 
@@ -112,9 +112,10 @@ def _promising(subsets: Subsets, first_order: FirstOrder, progress: Progress) ->
         enough = subsets.rank(best) + subsets.rule.equal_score
         if any(kept and kept <= subset and subsets.rank(kept) < enough for kept in held):
             continue  # what is left is tried on top of the best
-        if len(tried) == MOST_FITTED or expected > max(least, subsets.rank(best)) + 2.0 * subsets.rule.equal_score:
+        if len(tried) == MOST_FITTED:
             break
-        if families(subset) in tried or not first_order.all_help(subset):
+        is_worse = expected > max(least, subsets.rank(best)) + 2.0 * subsets.rule.equal_score
+        if is_worse or families(subset) in tried or not first_order.all_help(subset):
             continue
         tried.add(families(subset))
         progress(f"fitting {_named(subset)}")
@@ -134,7 +135,7 @@ def _exchanged(subsets: Subsets, first_order: FirstOrder, best: Subset) -> list[
     """
     rule, found = subsets.rule, []
     limit = first_order.score(best) + 2.0 * rule.equal_score
-    for kind in best:
+    for kind in subsets.in_order(best):
         rest = best - {kind}
         for other in subsets.pool:
             if other not in best and other.family() not in families(rest):
@@ -161,8 +162,8 @@ def _on_top(subsets: Subsets, best: Subset, progress: Progress) -> list[Subset]:
         likely.setdefault(kind.family(), kind)
     tried = {}
     for number, kind in enumerate(likely.values(), start=1):
-        progress(f"tried {kind.name} beside {_named(best)}, {number} of {len(likely)}")
         if kind.adds_lag or best | {kind} in subsets or first_order.p_value(kind) < HOPELESS:
+            progress(f"trying {kind.name} beside {_named(best)}, {number} of {len(likely)}")
             tried[kind] = subsets.beside(best | {kind}, kind)
     supported = [c for c in tried.values() if is_supported(c, subsets.rule)]
     found = without_stand_ins(supported, list(tried.values()), subsets.rule)
@@ -181,11 +182,11 @@ def _simplest(subsets: Subsets, held: Sequence[Subset]) -> Subset:
     widest = [subset for subset in held if not any(subset < other for other in held)]
     best = min(widest, key=subsets.rank)
 
-    def is_as_good(subset: Subset) -> bool:
+    def does_as_well(subset: Subset) -> bool:
         equal = len(subset) == len(best) and subsets.rank(subset) < subsets.rank(best) + subsets.rule.equal_score
         return subset == best or ((len(subset) < len(best) or equal) and subsets.alike(best, subset))
 
-    as_good = [subset for subset in widest if is_as_good(subset)]
+    as_good = [subset for subset in widest if does_as_well(subset)]
     simplest = min(as_good, key=lambda s: (len(s), subsets.n_seen(s), subsets.rank(s)))
     constant = [s for s in widest if _is_constant_of(s, simplest) and subsets.alike(simplest, s)]
     return constant[0] if constant else simplest
@@ -201,7 +202,9 @@ def _path_to(subsets: Subsets, best: Subset) -> Path:
     start, rule = subsets.fit(frozenset()), subsets.rule
     steps = [SelectionStep("", start.fitter.model.name, start.held_out_rmse)]
     chosen, added = [], frozenset[type[Effect]]()
-    for kind in sorted(best, key=lambda kind: -subsets.beside(frozenset({kind}), kind).explained_m_s2):
+    for kind in sorted(
+        subsets.in_order(best), key=lambda kind: -subsets.beside(frozenset({kind}), kind).explained_m_s2
+    ):
         added |= {kind}
         found = subsets.beside(added, kind)
         chosen.append(found)
@@ -212,7 +215,7 @@ def _path_to(subsets: Subsets, best: Subset) -> Path:
         tuple(steps),
         tuple(chosen),
         {c.effect.name: c for c in [*_tried(subsets, best), *chosen]},
-        {kind.family(): subsets.beside(best, kind).p_value for kind in best},
+        {kind.family(): subsets.beside(best, kind).p_value for kind in subsets.in_order(best)},
         _confounded(subsets, best),
         rule,
     )
@@ -261,7 +264,7 @@ def _tried(subsets: Subsets, best: Subset) -> list[Candidate]:
 def _confounded(subsets: Subsets, best: Subset) -> tuple[tuple[str, str], ...]:
     """Pairs of families that do as well in each other's place, and of which one makes the other needless."""
     found = []
-    for kind in best:
+    for kind in subsets.in_order(best):
         for other in _others(subsets, best):
             instead, both = best - {kind} | {other}, best | {other}
             if instead not in subsets or set(kind.corrects) & set(other.corrects) or not subsets.alike(best, instead):

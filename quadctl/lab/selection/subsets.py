@@ -8,6 +8,7 @@ import numpy as np
 from quadctl.effects import Effect
 from quadctl.lab.arrays import Floats
 from quadctl.lab.fitting.fitted_model import FittedModel
+from quadctl.lab.fitting.form_errors import FormErrors
 from quadctl.lab.fitting.initial_guesses import Unmodelled
 from quadctl.lab.selection.candidate import Candidate
 from quadctl.lab.selection.rule import Rule, are_alike, is_supported, score
@@ -30,7 +31,7 @@ class Subsets:
         flights = [flight.conditions for flight in self.dataset.flights]
         blocks = len(np.unique(self.dataset.block))
         self._starts = {kind: min(len(kind.starts(flights, start.model.vehicle)), blocks) for kind in pool}
-        self._independent: dict[type[Effect], int] = {}
+        self._independent: dict[Subset, dict[type[Effect], int]] = {frozenset(): {}}
 
     def __contains__(self, subset: Subset) -> bool:
         return subset in self._fits
@@ -39,7 +40,9 @@ class Subsets:
         """Fit of a subset; the effect with most initial guesses is added last."""
         if subset not in self._fits:
             last = max(subset, key=lambda kind: (self._starts[kind], self.pool.index(kind)))
-            self._fits[subset], self._independent[last] = fit_on_top(last, self.left(subset - {last}))
+            before = subset - {last}
+            self._fits[subset], independent = fit_on_top(last, self.left(before))
+            self._independent[subset] = self._independent[before] | {last: independent}
         return self._fits[subset]
 
     def left(self, subset: Subset) -> Unmodelled:
@@ -52,15 +55,20 @@ class Subsets:
         """One effect of a subset, judged beside the others."""
         if (subset, kind) not in self._judged:
             fit, left = self.fit(subset), self.left(subset - {kind})
-            n_tried = len(self.pool) * len(subset) * self._independent.get(kind, self._starts[kind])
+            n_tried = len(self.pool) * len(subset) * self._independent[subset][kind]
             # A constant is no error of the form of a variable's effect: how much of one is implied is known apart.
-            forms = None if any(other.if_constant == kind.name for other in subset) else left.forms
+            varying = [other.name for other in subset if other.if_constant == kind.name]
+            forms = FormErrors.of(self.fit(subset - {kind}), known=varying) if varying else left.forms
             self._judged[subset, kind] = judged(fit, kind.family(), left, forms, n_tried, self.rule)
         return self._judged[subset, kind]
 
     def holds(self, subset: Subset, test: Callable[[Candidate, Rule], bool] = is_supported) -> bool:
         """Tell whether every effect of a subset is supported, or passes another test, beside the others."""
-        return all(self._passes(subset, kind, test) for kind in subset)
+        return all(self._passes(subset, kind, test) for kind in self.in_order(subset))
+
+    def in_order(self, subset: Subset) -> list[type[Effect]]:
+        """Effects of a subset in the order of the pool, which is the same in every run."""
+        return [kind for kind in self.pool if kind in subset]
 
     def _passes(self, subset: Subset, kind: type[Effect], test: Callable[[Candidate, Rule], bool]) -> bool:
         return test(self.beside(subset, kind), self.rule) and not self._differs_needlessly(subset, kind)
@@ -86,12 +94,13 @@ class Subsets:
             if needless:
                 subset = explains = self._with_common(subset, needless[0])
                 continue
-            failing = [k for k in subset if not self._passes(subset, k, is_supported)] or list(subset)
+            failing = [k for k in self.in_order(subset) if not self._passes(subset, k, is_supported)]
+            failing = failing or self.in_order(subset)
             implied = [k for k in failing if self._is_only_implied(self.beside(subset, k))]
             other = [k for k in failing if k not in implied]
             out = min(other or implied, key=lambda kind: self.score(subset - {kind}))
-            explains = explains - {out} if other else explains
             subset = subset - {out}
+            explains = subset if other else explains  # what implied the others may have gone
         self._with_implied.setdefault(subset, explains)
         return subset
 

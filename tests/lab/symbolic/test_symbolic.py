@@ -231,7 +231,7 @@ class TestWhatAUserSees:
     @pytest.mark.parametrize(
         ("coefficients", "text"),
         [
-            ({"a": -0.5, "b": -2.0, "c": -0.1}, "-0.5*exp(-(-2)*north) - 0.1"),
+            ({"a": -0.5, "b": -2.0, "c": -0.1}, "-0.5*exp(2*north) - 0.1"),
             ({"a": 0.5, "b": 2.0, "c": 0.1}, "0.5*exp(-2*north) + 0.1"),
         ],
     )

@@ -1,0 +1,86 @@
+"""Specification of subsets: what is left of one that does not hold, and the number tried that a p-value counts."""
+
+from collections.abc import Collection, Mapping
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+from quadctl.effects import Effect
+from quadctl.effects.battery_sag import PowerSag
+from quadctl.effects.ground_effect import Exponential
+from quadctl.effects.imu_bias import ConstantBias
+from quadctl.effects.rotor_drag import LinearDrag
+from quadctl.effects.thrust_scale import ConstantScale
+from quadctl.lab.fitting.fitted_model import fit_model
+from quadctl.lab.flights.dataset import Dataset
+from quadctl.lab.selection import subsets as module
+from quadctl.lab.selection.rule import RULE
+from quadctl.lab.selection.subsets import Subset, Subsets
+from quadctl.model import Model
+from quadctl.vehicle import Vehicle
+from tests.lab.fitting.test_fitter import seen
+
+__all__ = ["seen"]
+NONE: Subset = frozenset()
+SCALE_AND_BIAS: Subset = frozenset({ConstantScale, ConstantBias})
+SCALE_AND_SAG: Subset = frozenset({ConstantScale, PowerSag})
+
+
+class Stubbed(Subsets):
+    """Subsets whose effects hold where the effects that they need are beside them, and that are not `implied`."""
+
+    def __init__(
+        self, needs: Mapping[type[Effect], Collection[type[Effect]]], implied: Collection[type[Effect]]
+    ) -> None:
+        self.pool, self.stand_ins, self._with_implied = [ConstantScale, ConstantBias, PowerSag], set(), {}
+        self.needs, self.implied = needs, implied
+
+    def fit(self, subset: Subset) -> Any:
+        return SimpleNamespace(held_out_residual=subset)
+
+    def score(self, subset: Subset) -> float:
+        return -float(len(subset))
+
+    def beside(self, subset: Subset, kind: type[Effect]) -> Any:
+        return kind
+
+    def _is_only_implied(self, c: Any) -> bool:
+        return c in self.implied
+
+    def _passes(self, subset: Subset, kind: type[Effect], test: object) -> bool:
+        return kind not in self.implied and set(self.needs.get(kind, ())) <= subset
+
+
+def test_an_effect_that_is_implied_is_no_part_of_a_subset_but_of_its_residual() -> None:
+    subsets = Stubbed({}, implied=[ConstantBias])
+    assert subsets.pruned(SCALE_AND_BIAS) == {ConstantScale}
+    assert subsets.residual(frozenset({ConstantScale})) == SCALE_AND_BIAS
+
+
+def test_it_is_gone_with_what_implies_it() -> None:
+    subsets = Stubbed({ConstantScale: [ConstantBias]}, implied=[ConstantBias])
+    assert subsets.pruned(SCALE_AND_BIAS) == NONE
+    assert subsets.residual(NONE) == NONE
+
+
+def test_effects_that_hide_each_other_are_kept_beside_each_other() -> None:
+    subsets = Stubbed({ConstantScale: [PowerSag], PowerSag: [ConstantScale]}, implied=[])
+    assert subsets.pruned(SCALE_AND_SAG) == SCALE_AND_SAG
+    assert subsets.pruned(frozenset({ConstantScale})) == NONE
+
+
+def test_the_number_tried_does_not_depend_on_what_was_fitted_before(
+    raptor: Vehicle, seen: Dataset, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    start = fit_model(Model(raptor), seen)
+    monkeypatch.setattr(module, "Unmodelled", lambda fit: SimpleNamespace(forms=None, alone=fit is start))
+    monkeypatch.setattr(module, "fit_on_top", lambda kind, left: (object(), 5 if left.alone else 1000))
+    monkeypatch.setattr(module, "judged", lambda fit, family, left, forms, n_tried, rule: n_tried)
+
+    def tried(*before: type[Effect]) -> object:
+        subsets = Subsets(start, [LinearDrag, ConstantScale, Exponential], RULE)
+        subsets.fit(frozenset(before))
+        return subsets.beside(frozenset({Exponential}), Exponential)
+
+    assert tried() == tried(LinearDrag, Exponential) == 3 * 5
