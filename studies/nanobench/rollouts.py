@@ -16,11 +16,13 @@ from quadctl.lab.rotation.regression import (
     ABOUT,
     ALONG,
     CHANGED,
+    TRAIN_EVERY,
     Features,
     change,
     changed,
     fit_ridge,
     future_features,
+    inputs,
     past_features,
     side_by_side,
     with_motions,
@@ -34,7 +36,6 @@ from quadctl.vehicle import Vehicle
 
 from .perceptron import fit_perceptrons
 
-TRAIN_EVERY = 3
 ESTIMATE_EVERY = 2
 """Every so many flights are enough for a dozen parameters."""
 ABOVE_M = 0.5
@@ -157,7 +158,7 @@ class Windows:
 
     def plain(self, horizon: int) -> Features:
         """Inputs of a model that knows no physics."""
-        return side_by_side([self._future(horizon), self._past])
+        return inputs(self._moved, self.rows, self.steps[horizon])
 
     def first(self, horizon: int) -> Features:
         """Least that a correction of the physics sees: the forecast, and the commands."""

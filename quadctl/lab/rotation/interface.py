@@ -50,7 +50,7 @@ def add_rotation(model: AnyModel, found: Rotation, logs: Logs = ()) -> Model:
 
 def rollouts(model: AnyModel, logs: Logs) -> Unseen:
     """Errors of the whole state after 10, 100, 500 ms and 2 s in flights that no fit saw: of a state that is `held`, of
-    the `model` that `add_rotation` gives, and of the `forecast`.
+    the `model` that `add_rotation` gives, of the `forecast`, and of the nonparametric `reference`.
 
     `mean(name, horizon, quantity)` is a mean error with its 95 % interval; `to_dict()` holds them all.
 

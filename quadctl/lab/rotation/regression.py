@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from quadctl.lab.arrays import Floats
-from quadctl.lab.rotation.rollout import State, Track, rotation_vector, turned, turned_back, turned_by
+from quadctl.lab.rotation.rollout import State, Track, rotation_vector, state_at, turned, turned_back, turned_by
 from quadctl.vehicle import Vehicle
 
 PAST_S = 0.3
@@ -20,6 +20,8 @@ KNOT_S = 0.05
 controller made of the state that is asked for."""
 PENALTIES = (1e-5, 1e-4, 1e-3, 1e-2, 3e-2, 1e-1, 0.3, 1.0, 3.0)
 """Penalties that are tried, over the number of samples, on whole flights left out in turn."""
+TRAIN_EVERY = 3
+"""Number of steps from one window of a fit to the next."""
 FOLDS = 4
 ROUNDS = 3
 """Rounds of weights, by which a large error counts in proportion to its size."""
@@ -79,6 +81,11 @@ def future_features(track: Track, rows: NDArray[np.intp], steps: int) -> Feature
     means = [(sums[rows + end + 1] - sums[rows + begin + 1]) / (end - begin) for begin, end in ends]
     parts = [*means, *(track.command[rows + steps - back] for back in range(min(knot + 1, steps)))]
     return Features(np.hstack(parts), COMMANDED * len(parts))
+
+
+def inputs(track: Track, rows: NDArray[np.intp], steps: int) -> Features:
+    """What a regression that knows no physics sees of a track `with_motions`: commands until the horizon, and past."""
+    return side_by_side([future_features(track, rows, steps), past_features(track, rows)])
 
 
 def _knot(track: Track) -> int:
@@ -148,6 +155,34 @@ def fit_ridge(x: Sequence[Features], y: Sequence[Floats], choices: Sequence[int]
         weights[:, axes] = share * apart.weights + (1.0 - share) * every.weights
         offset[axes] = share * apart.offset + (1.0 - share) * every.offset
     return Ridge(mean, scale, weights, offset)
+
+
+@dataclass(frozen=True, eq=False)
+class Reference:
+    """Nonparametric reference: the map of each horizon, by its number of steps."""
+
+    maps: dict[int, Ridge]
+    vehicle: Vehicle
+
+    def roll_out(self, track: Track, rows: NDArray[np.intp], steps: Sequence[int]) -> list[State]:
+        """States that follow `rows` after each number of steps, one of those that it was fitted to."""
+        moved, start = with_motions(track, self.vehicle), state_at(track, rows)
+        by = {k: self.maps[k].predict(inputs(moved, rows, k).values) for k in steps}
+        return [changed(start, by[k], k * track.step_s) for k in steps]
+
+
+def fit_reference(tracks: Sequence[Track], vehicle: Vehicle, steps: Sequence[int]) -> Reference:
+    """Fit the reference to flights, for each number of steps; few flights are cut into parts that are left out."""
+    pieces = []
+    for track in tracks:
+        rows = np.arange(round(PAST_S / track.step_s), len(track.rates) - max(steps), TRAIN_EVERY)
+        moved = with_motions(track, vehicle)
+        pieces += [(track, moved, part) for part in np.array_split(rows, -(-FOLDS // len(tracks)))]
+    maps = {}
+    for k in steps:
+        ends = [change(state_at(t, rows), state_at(t, rows + k), k * t.step_s) for t, _, rows in pieces]
+        maps[k] = fit_ridge([inputs(moved, rows, k) for _, moved, rows in pieces], ends)
+    return Reference(maps, vehicle)
 
 
 _Map = tuple[Floats, Floats]

@@ -13,14 +13,14 @@ from quadctl.lab.rotation.value import Value
 
 HORIZONS_S = (0.01, 0.1, 0.5, 2.0)
 QUANTITIES = ("position_m", "velocity_m_s", "rotation_rad", "rates_rad_s")
-MODELS = HELD, SAVED, FORECAST = "held", "model", "forecast"
+MODELS = HELD, SAVED, FORECAST, REFERENCE = "held", "model", "forecast", "reference"
 LEAST_BLOCKS = 3
 """Number of blocks that an interval needs."""
 FORECAST_OF = ("position, m", "velocity, m/s", "rotation, rad", "rates, rad/s")
 FORECAST_ERRORS = "mean errors of forecasts of what no fit saw [95 % interval]"
 FORECAST_HOLDS = (
-    "Held: velocity and rates stay. Model: what `quadctl rotation -o` saves, with its observer. The forecast holds for "
-    "this controller, and answers no what-if."
+    "Held: velocity and rates stay. Model: what `quadctl rotation -o` saves, with its observer. Reference: regression "
+    "on past and commands, without physics. Forecast and reference hold for this controller, and answer no what-if."
 )
 
 
@@ -72,7 +72,7 @@ class Unseen:
         except (ValueError, TypeError, AttributeError):
             errors = {}
         shape = (len(HORIZONS_S), len(QUANTITIES))
-        if set(errors) != set(MODELS) or any(
+        if not {HELD} <= set(errors) <= set(MODELS) or any(
             e.shape[1:] != shape or len(e) < LEAST_BLOCKS or not np.isfinite(e).all() for e in errors.values()
         ):
             raise SettingsError("holds no errors of rollouts by horizon and quantity")

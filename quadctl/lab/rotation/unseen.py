@@ -14,6 +14,7 @@ from quadctl.lab.rotation.innovations import BLOCK_S
 from quadctl.lab.rotation.model import with_rotation
 from quadctl.lab.rotation.parameters import Rotation, fit_rotation
 from quadctl.lab.rotation.records import Record, record_of
+from quadctl.lab.rotation.regression import Reference, fit_reference
 from quadctl.lab.rotation.replay import Replay, fit_observer
 from quadctl.lab.rotation.rollout import (
     Commands,
@@ -31,6 +32,7 @@ from quadctl.lab.rotation.rollout_errors import (
     LEAST_BLOCKS,
     MODELS,
     QUANTITIES,
+    REFERENCE,
     SAVED,
     Unseen,
 )
@@ -168,8 +170,9 @@ def forecast_unseen(
     for number, (used, left_out) in enumerate(folds, start=1):
         progress(f"fitting to what is not held out, {number} of {len(folds)}")
         known = know(used, model)
+        reference = fit_reference([flown.track for flown in used], model.vehicle, _steps(used[0].track))
         for flown in left_out:
-            for name, blocks in _in_blocks(flown.track, known).items():
+            for name, blocks in _in_blocks(flown.track, known, reference).items():
                 found[name] += blocks
     if len(found[HELD]) < LEAST_BLOCKS:
         raise LogError(f"{logs[0].name}: flies too briefly to forecast parts that the fit did not see")
@@ -192,9 +195,13 @@ def _folds(
     return [([flown for other in parts if other is not part for flown in other], part) for part in parts]
 
 
-def _in_blocks(track: Track, known: Known) -> dict[str, list[Floats]]:
+def _steps(track: Track) -> list[int]:
+    return [round(horizon_s / track.step_s) for horizon_s in HORIZONS_S]
+
+
+def _in_blocks(track: Track, known: Known, reference: Reference) -> dict[str, list[Floats]]:
     """Mean errors in blocks of `BLOCK_S`, each of shape (horizons, quantities); none where the track is too short."""
-    steps, size = [round(h / track.step_s) for h in HORIZONS_S], round(BLOCK_S / track.step_s / EVERY)
+    steps, size = _steps(track), round(BLOCK_S / track.step_s / EVERY)
     rows = np.arange(round(SETTLED_S / track.step_s), len(track.rates) - max(steps), EVERY)
     rows = rows[: len(rows) // size * size]
     if len(rows) == 0:
@@ -203,6 +210,7 @@ def _in_blocks(track: Track, known: Known) -> dict[str, list[Floats]]:
         HELD: [held(track, rows, k) for k in steps],
         SAVED: known.replay(track).roll_out(rows, steps),
         FORECAST: known.forecast.roll_out(track, known.commands(track), rows, steps),
+        REFERENCE: reference.roll_out(track, rows, steps),
     }
     found = {}
     for name, states in ends.items():

@@ -11,6 +11,7 @@ from quadctl.lab.arrays import Floats
 from quadctl.lab.rotation import unseen
 from quadctl.lab.rotation.forecast import Forecast, fit_forecast
 from quadctl.lab.rotation.innovations import Noise
+from quadctl.lab.rotation.regression import fit_reference
 from quadctl.lab.rotation.rollout import (
     Commands,
     Disturbance,
@@ -103,6 +104,14 @@ class TestForecast:
         assert forecast.physics.slope[0] < TRUTH.slope[0]
         assert forecast.physics.damping_1_s[0] > TRUTH.damping_1_s[0]
 
+    @pytest.mark.parametrize("seeds", [(1,), (1, 2, 3)], ids=["one flight", "three"])
+    def test_the_reference_forecasts_an_unseen_flight_better_than_held(self, seeds: tuple[int, ...]) -> None:
+        reference, track = fit_reference([rolling(seed) for seed in seeds], VEHICLE, [10, 50]), rolling(7)
+        rows = np.arange(200, len(track.rates) - 60, 7)
+        for k, end in zip([10, 50], reference.roll_out(track, rows, [10, 50]), strict=True):
+            of_reference, of_held = (errors(e, track, rows + k).mean(axis=0) for e in (end, held(track, rows, k)))
+            assert np.all(of_reference < 0.8 * of_held), (k, of_reference, of_held)
+
     def test_it_knows_nothing_of_the_state_after_its_start(self, forecast: Forecast) -> None:
         track, other = rolling(7), rolling(7)
         other.rates[901:] += 0.5
@@ -129,16 +138,17 @@ def test_flights_that_are_held_out_are_used_by_no_fit(
         fits.append("".join(flight.track for flight in flights))
         return fits[-1]
 
-    def in_blocks(track: str, known: str) -> dict[str, list[Floats]]:
-        assert track not in known
+    def in_blocks(track: str, known: str, reference: str) -> dict[str, list[Floats]]:
+        assert track not in known and reference == known
         tested.append(track)
-        return {
-            name: [np.full((4, 4), value)] * 3 for name, value in (("held", 2.0), ("model", 3.0), ("forecast", 1.0))
-        }
+        of = {"held": 2.0, "model": 3.0, "forecast": 1.0, "reference": 0.5}
+        return {name: [np.full((4, 4), value)] * 3 for name, value in of.items()}
 
     monkeypatch.setattr(unseen, "flown_of", lambda log, vehicle: SimpleNamespace(track=log))
     monkeypatch.setattr(unseen, "know", know)
     monkeypatch.setattr(unseen, "_in_blocks", in_blocks)
+    monkeypatch.setattr(unseen, "_steps", lambda track: [])
+    monkeypatch.setattr(unseen, "fit_reference", lambda tracks, vehicle, steps: "".join(tracks))
     logs: Any = ["a", "b"]
     found = unseen.forecast_unseen(logs, Model(VEHICLE), cast(Any, held_out), said.append)
     assert list(zip(fits, tested, strict=True)) == folds and len(said) == len(folds)
