@@ -4,7 +4,7 @@ Examples
 --------
 >>> from quadctl.lab import compare, diagnose
 >>> print(compare("raptor.yaml", "flight.csv"))  # doctest: +ELLIPSIS
-Acceleration error of raptor: ...
+Acceleration error of raptor, ...
 >>> diagnose("raptor.yaml", "flight.csv", ["thrust_scale", "ground_effect.exponential"]).missing
 ['ground_effect']
 """

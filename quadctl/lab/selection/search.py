@@ -198,13 +198,12 @@ def _is_constant_of(one: Subset, other: Subset) -> bool:
 
 
 def _path_to(subsets: Subsets, best: Subset) -> Path:
-    """Path to a subset: the effect that explains most of the acceleration alone comes first."""
+    """Path to a subset: the effect that explains most of the acceleration alone, and is plausible so, comes first."""
     start, rule = subsets.fit(frozenset()), subsets.rule
     steps = [SelectionStep("", start.fitter.model.name, start.held_out_rmse)]
     chosen, added = [], frozenset[type[Effect]]()
-    for kind in sorted(
-        subsets.in_order(best), key=lambda kind: -subsets.beside(frozenset({kind}), kind).explained_m_s2
-    ):
+    alone = {kind: subsets.beside(frozenset({kind}), kind) for kind in subsets.in_order(best)}
+    for kind in sorted(alone, key=lambda kind: (not is_plausible(alone[kind], rule), -alone[kind].explained_m_s2)):
         added |= {kind}
         found = subsets.beside(added, kind)
         chosen.append(found)

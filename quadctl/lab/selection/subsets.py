@@ -11,7 +11,7 @@ from quadctl.lab.fitting.fitted_model import FittedModel
 from quadctl.lab.fitting.form_errors import FormErrors
 from quadctl.lab.fitting.initial_guesses import Unmodelled
 from quadctl.lab.selection.candidate import Candidate
-from quadctl.lab.selection.rule import Rule, are_alike, is_supported, score
+from quadctl.lab.selection.rule import Rule, are_alike, indistinct, is_supported, score, unbelievable
 from quadctl.lab.selection.trial import fit_on_top, judged
 
 Subset = frozenset[type[Effect]]
@@ -71,7 +71,22 @@ class Subsets:
         return [kind for kind in self.pool if kind in subset]
 
     def _passes(self, subset: Subset, kind: type[Effect], test: Callable[[Candidate, Rule], bool]) -> bool:
-        return test(self.beside(subset, kind), self.rule) and not self._differs_needlessly(subset, kind)
+        passes = test(self.beside(subset, kind), self.rule) or self._passes_without_stand_ins(subset, kind, test)
+        return passes and not self._differs_needlessly(subset, kind)
+
+    def _passes_without_stand_ins(
+        self, subset: Subset, kind: type[Effect], test: Callable[[Candidate, Rule], bool]
+    ) -> bool:
+        """Tell whether an effect passes beside those of the others that are as plausible without it: the rest explain
+        what is its own where it is left out."""
+        stand_ins = self._doubtful(subset - {kind}) - self._doubtful(subset)
+        return bool(stand_ins) and test(self.beside(subset - stand_ins, kind), self.rule)
+
+    def _doubtful(self, subset: Subset) -> Subset:
+        """Effects of a subset whose values are not plausible, or not told from those of confounded effects."""
+        model = self.fit(subset).model
+        doubtful = unbelievable(model, self.dataset) | indistinct(model, self.dataset)
+        return frozenset(kind for kind in subset if kind.name in doubtful)
 
     def _differs_needlessly(self, subset: Subset, kind: type[Effect]) -> bool:
         """Tell whether the values of an effect differ from flight to flight, where the same family, supported or not,

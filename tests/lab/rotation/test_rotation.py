@@ -200,7 +200,7 @@ class TestInClosedLoop:
         console = Console(width=300)
         with console.capture() as shown:
             console.print(answer(replace(found, shares=told)))
-        assert "a model gets the unequal rotors." in shown.get()
+        assert "-o saves the unequal rotors." in shown.get()
         before = Model(VEHICLE).plus(FixedOffset(9.0, -4.0)).plus(WeakRotor(0.3, 2.0))
         model = with_rotation(before, replace(found, shares=told))
         (unequal,) = (effect for effect in model.effects if isinstance(effect, UnequalRotors))

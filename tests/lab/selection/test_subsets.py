@@ -70,6 +70,32 @@ def test_effects_that_hide_each_other_are_kept_beside_each_other() -> None:
     assert subsets.pruned(frozenset({ConstantScale})) == NONE
 
 
+class Doubted(Stubbed):
+    """Subsets of which the drag is plausible only beside the scale, in whose place it stands without it."""
+
+    def __init__(self, passing: Collection[tuple[Subset, type[Effect]]]) -> None:
+        super().__init__({}, [])
+        self.rule, self.passing = RULE, passing
+
+    def beside(self, subset: Subset, kind: type[Effect]) -> Any:
+        return subset, kind
+
+    def _passes(self, subset: Subset, kind: type[Effect], test: object = None) -> bool:
+        return Subsets._passes(self, subset, kind, lambda c, rule: c in self.passing)
+
+    def _doubtful(self, subset: Subset) -> Subset:
+        return subset - {ConstantScale} if ConstantScale not in subset else NONE
+
+
+@pytest.mark.parametrize("alone", [True, False])
+def test_an_effect_whose_rival_is_implausible_without_it_is_judged_without_that(alone: bool) -> None:
+    both: Subset = frozenset({ConstantScale, LinearDrag})
+    passing = {(both, LinearDrag), *([(frozenset({ConstantScale}), ConstantScale)] if alone else [])}
+    subsets = Doubted(passing)
+    assert subsets._passes(both, ConstantScale) is alone
+    assert subsets._passes(both, LinearDrag)
+
+
 def test_the_number_tried_does_not_depend_on_what_was_fitted_before(
     raptor: Vehicle, seen: Dataset, monkeypatch: pytest.MonkeyPatch
 ) -> None:
