@@ -290,7 +290,7 @@ def _slope(regress: Callable[[Floats], Sequence[Regression]], at: Floats, i: int
 
 
 def unforeseen(command: Floats, rate: Floats, reach: int) -> Floats:
-    """What a command is beyond what the rate until then and the command before tell of it, all of shape (n,), by least
+    """Part of a command that the rate until then and the command before do not tell, all of shape (n,), by least
     squares over `reach` samples."""
     late = [earlier(x[:, None], k) for k in range(reach + 1) for x in ((rate, command) if k else (rate,))]
     design = np.column_stack([*late, np.ones(len(command))])

@@ -85,7 +85,7 @@ class _Axis:
 
     @cached_property
     def _answered(self) -> Floats:
-        """What the commands before each measured rate answer beyond the log, shape (n, ANSWERED)."""
+        """Unforeseen parts of the commands before each measured rate, shape (n, ANSWERED)."""
         measured = slice(None, None, self.record.every)
         reach = min(round(FORESEEN_S / self.record.measured_s), len(self.rate[measured]) // LEAST_PER_TAP)
         surprise = unforeseen(self.difference.signal[measured], self.rate[measured], reach)

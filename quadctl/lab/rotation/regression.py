@@ -84,7 +84,7 @@ def future_features(track: Track, rows: NDArray[np.intp], steps: int) -> Feature
 
 
 def inputs(track: Track, rows: NDArray[np.intp], steps: int) -> Features:
-    """What a regression that knows no physics sees of a track `with_motions`: commands until the horizon, and past."""
+    """Inputs of a regression that knows no physics, of a track `with_motions`: commands until the horizon, and past."""
     return side_by_side([future_features(track, rows, steps), past_features(track, rows)])
 
 

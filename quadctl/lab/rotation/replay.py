@@ -175,8 +175,9 @@ def fit_observer(replays: Sequence[Replay]) -> Observer:
 
 
 def _trusted(replays: Sequence[Replay]) -> Floats:
-    """What forecasts trust, as in `Observer`, where rollouts come closest to these flights: roll and pitch alike, and
-    yaw. Errors count as in `fit_forecast`; all is trusted where the flights are too short to tell."""
+    """Shares and dampings that forecasts trust, as in `Observer`, where rollouts come closest to these flights: alike
+    about roll and pitch, and about yaw. Errors count as in `fit_forecast`; all is trusted where the flights are too
+    short to tell."""
     step_s = replays[0].track.step_s
     steps = [round(s / step_s) for s in AHEAD_S[1:]]
     rows = [np.arange(round(SETTLED_S / step_s), len(r.track.rates) - max(steps)) for r in replays]

@@ -24,7 +24,7 @@ from quadctl.lab.selection.rule import (
     is_unexplained,
     score,
 )
-from quadctl.lab.selection.search import Path, emptied, search
+from quadctl.lab.selection.search import Selection, emptied, search
 from quadctl.lab.symbolic.formula import Symbolic
 from quadctl.lab.symbolic.identification import explain
 
@@ -33,7 +33,7 @@ from quadctl.lab.symbolic.identification import explain
 class Choice:
     """Effects that were chosen, with all that the choice rests on."""
 
-    path: Path
+    selection: Selection
     unfit: list[type[Effect]]
     """Effects that were not tried because these data do not distinguish them from their confounded effects."""
     unexplained: bool
@@ -56,14 +56,14 @@ def choose_effects(
         pool = [effect for effect in pool if not effect.only_of_several_flights]
     unfit = [e for e in pool if any(dataset.span(variable) < span for variable, span in e.needs.items())]
     pool = [effect for effect in pool if effect not in unfit]
-    path = search(fit, pool, progress, rule)
+    selection = search(fit, pool, progress, rule)
     progress("analysing the remaining error")
     # The part explained by an effect that is too small to be called missing is not unexplained.
-    small = [c.residual for c in path.latest.values() if is_measured(c, rule) and not is_supported(c, rule)]
-    left = min([path.residual, *small], key=lambda residual: score(residual, rule))
+    small = [c.residual for c in selection.latest.values() if is_measured(c, rule) and not is_supported(c, rule)]
+    left = min([selection.residual, *small], key=lambda residual: score(residual, rule))
     residual, sensed = left[:, :3], by_accelerometer(left, dataset)
     flexible = flexible_residual(residual, dataset, dataset.causes)
-    forms = FormErrors.of(path.current)
+    forms = FormErrors.of(selection.current)
     drift = drift_of(residual, dataset)
 
     def is_sensed(explained: Floats) -> bool:
@@ -77,9 +77,9 @@ def choose_effects(
     unexplained = drifts or (matters and (symbolic is not None or is_large(residual, flexible, rule)))
     if drifts:
         flexible = min(flexible, drift, key=lambda explained: score(residual - explained, rule))
-    if unexplained and path.missing and is_mostly_left(fit.held_out_residual[:, :3], residual, flexible, rule):
-        path = emptied(path)
-    return Choice(path, unfit, unexplained, symbolic)
+    if unexplained and selection.missing and is_mostly_left(fit.held_out_residual[:, :3], residual, flexible, rule):
+        selection = emptied(selection)
+    return Choice(selection, unfit, unexplained, symbolic)
 
 
 def by_accelerometer(residual: Floats, dataset: Dataset) -> Floats | None:

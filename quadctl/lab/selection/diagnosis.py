@@ -27,7 +27,7 @@ from quadctl.lab.results import Result
 from quadctl.lab.selection.candidate import Candidate
 from quadctl.lab.selection.choice import choose_effects
 from quadctl.lab.selection.rule import RULE, Rule, is_supported, is_trim
-from quadctl.lab.selection.search import Path, SelectionStep, judged_beside
+from quadctl.lab.selection.search import Selection, SelectionStep, judged_beside
 from quadctl.lab.selection.single_flights import of_single_flights
 from quadctl.lab.selection.small import measured_of, small_beside
 from quadctl.lab.selection.unseen import UnseenError, held_out_errors, nested_errors, of_unseen
@@ -300,29 +300,30 @@ def diagnose_fit(
     model, dataset = fit.fitter.model, fit.dataset
     searched = dataset.spread_out(MOST_SEARCHED)
     choice = choose_effects(fit if searched is dataset else fit_model(model, searched), candidates, progress, rule)
-    path = choice.path
+    selection = choice.selection
     if searched is dataset:
-        found = path.current
+        found = selection.current
     else:
         progress("fitting what was found to all data")
-        found = fit_model(path.current.model, dataset) if path.missing else fit
-    ranking = _ranking(path, found)
-    small = small_beside(path, measured_of(ranking, path.missing))
+        found = fit_model(selection.current.model, dataset) if selection.missing else fit
+    ranking = _ranking(selection, found)
+    small = small_beside(selection, measured_of(ranking, selection.missing))
     otherwise: Verdict = "unexplained" if choice.unexplained else "small" if small else "none"
     return Diagnosis(
         model=model,
         dataset=dataset,
-        verdict="missing" if path.missing else otherwise,
+        verdict="missing" if selection.missing else otherwise,
         ranking=ranking,
-        missing=list(path.missing),
-        steps=list(path.steps),
+        missing=list(selection.missing),
+        steps=list(selection.steps),
         best=found.model,
         small=small,
         confounded=[
-            list(pair) for pair in dict.fromkeys((*path.confounded, *_inseparable(path.missing, ranking, dataset.span)))
+            list(pair)
+            for pair in dict.fromkeys((*selection.confounded, *_inseparable(selection.missing, ranking, dataset.span)))
         ],
-        apart=of_single_flights(found, path.missing),
-        suggested_mission=_suggestion(path.latest, path.confounded, choice.unfit),
+        apart=of_single_flights(found, selection.missing),
+        suggested_mission=_suggestion(selection.latest, selection.confounded, choice.unfit),
         unexplained=choice.unexplained,
         untried=_reasons(choice.unfit, dataset),
         symbolic=choice.symbolic,
@@ -332,16 +333,16 @@ def diagnose_fit(
     )
 
 
-def _ranking(path: Path, found: FittedModel) -> list[Candidate]:
+def _ranking(selection: Selection, found: FittedModel) -> list[Candidate]:
     """Missing candidates, with parameters and intervals of the fit of all of them; then the others by their
-    improvement. `found` is the fit of what the path found to all data."""
-    first = list(path.chosen)
+    improvement. `found` is the fit of what was selected to all data."""
+    first = list(selection.chosen)
     shown = {candidate.effect.name for candidate in first}
-    others = [candidate for name, candidate in path.latest.items() if name not in shown]
-    if len(first) > 1 or (first and found is not path.current):
-        fit = found.refined() if found is path.current else found
+    others = [candidate for name, candidate in selection.latest.items() if name not in shown]
+    if len(first) > 1 or (first and found is not selection.current):
+        fit = found.refined() if found is selection.current else found
         places = {effect.family(): place for place, effect in enumerate(fit.model.effects)}
-        first = [judged_beside(_refitted(candidate, fit, places[candidate.family]), path) for candidate in first]
+        first = [judged_beside(_refitted(candidate, fit, places[candidate.family]), selection) for candidate in first]
     return [*first, *sorted(others, key=lambda c: -c.held_out_drop)]
 
 

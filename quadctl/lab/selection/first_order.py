@@ -220,7 +220,7 @@ class FirstOrder:
         return found + wider
 
     def _of_each(self, subsets: Sequence[Forms]) -> list[tuple[float, Forms]]:
-        """Of each set of effects the forms that fit best, with their held-out score."""
+        """Forms of each set of effects that fit best, with their held-out score."""
         if not subsets:
             return []
         least: dict[frozenset[type[Effect]], tuple[float, Forms]] = {}

@@ -38,6 +38,7 @@ MOST_EXCHANGED = 6
 """Largest number of subsets that are fitted because they differ from the best in one effect, and explain as much to
 first order."""
 MOST_TURNS = 6
+"""Largest number of exchanges of the best subset for a better one."""
 HOPELESS = 0.1
 """p-value to first order, uncorrected, from which on an effect is not fitted on top of the best subset; a lag is in any
 case, as a change of it is far from linear."""
@@ -55,12 +56,12 @@ class SelectionStep:
 
 
 @dataclass(frozen=True, eq=False)
-class Path:
-    """Path from a fitted model to one with more effects, with every trial."""
+class Selection:
+    """Effects that a fitted model is missing, with every trial."""
 
     start: FittedModel
     current: FittedModel
-    """Fit of the start with all effects of the path."""
+    """Fit of the start with all effects that were found."""
     steps: tuple[SelectionStep, ...]
     """Start, then one selection step for each missing family in the order of adding."""
     chosen: tuple[Candidate, ...] = ()
@@ -87,7 +88,7 @@ class Path:
         return self.current.held_out_residual
 
 
-def search(start: FittedModel, pool: Sequence[type[Effect]], progress: Progress, rule: Rule = RULE) -> Path:
+def search(start: FittedModel, pool: Sequence[type[Effect]], progress: Progress, rule: Rule = RULE) -> Selection:
     """Search `pool` for the effects that the fitted model `start` is missing."""
     subsets, first_order = Subsets(start, pool, rule), FirstOrder(start, pool, rule)
     held = _promising(subsets, first_order, progress)
@@ -100,7 +101,7 @@ def search(start: FittedModel, pool: Sequence[type[Effect]], progress: Progress,
         best = _simplest(subsets, held)
         if best == before:
             break
-    return _with_one_for_two(subsets, first_order, _path_to(subsets, best), best)
+    return _with_one_for_two(subsets, first_order, _selection_of(subsets, best), best)
 
 
 def _promising(subsets: Subsets, first_order: FirstOrder, progress: Progress) -> list[Subset]:
@@ -197,8 +198,8 @@ def _is_constant_of(one: Subset, other: Subset) -> bool:
     return one != other and [kind.name for kind in one - other] == [kind.if_constant for kind in other - one]
 
 
-def _path_to(subsets: Subsets, best: Subset) -> Path:
-    """Path to a subset: the effect that explains most of the acceleration alone, and is plausible so, comes first."""
+def _selection_of(subsets: Subsets, best: Subset) -> Selection:
+    """Selection of a subset: of those plausible alone, what explains most of the acceleration comes first."""
     start, rule = subsets.fit(frozenset()), subsets.rule
     steps = [SelectionStep("", start.fitter.model.name, start.held_out_rmse)]
     chosen, added = [], frozenset[type[Effect]]()
@@ -208,7 +209,7 @@ def _path_to(subsets: Subsets, best: Subset) -> Path:
         found = subsets.beside(added, kind)
         chosen.append(found)
         steps.append(SelectionStep(found.family, found.effect.name, subsets.fit(added).held_out_rmse))
-    return Path(
+    return Selection(
         start,
         _in_order(subsets.fit(best), [c.family for c in chosen]),
         tuple(steps),
@@ -220,21 +221,21 @@ def _path_to(subsets: Subsets, best: Subset) -> Path:
     )
 
 
-def _with_one_for_two(subsets: Subsets, first_order: FirstOrder, path: Path, best: Subset) -> Path:
-    """Path, or one to a single effect that does as well as two, though these data do not distinguish it."""
+def _with_one_for_two(subsets: Subsets, first_order: FirstOrder, selection: Selection, best: Subset) -> Selection:
+    """Selection, or that of a single effect that does as well as two, though these data do not distinguish it."""
     limit = first_order.score(best) + 2.0 * subsets.rule.equal_score
     singles = [frozenset({kind}) for kind in (_others(subsets, best) if len(best) == 2 else [])]
     for single in sorted(singles, key=first_order.score):
         (kind,) = single
         if (
             first_order.score(single) < limit
-            and is_as_good(subsets.residual(single), path.residual, path.dataset, path.rule)
-            and is_plausible(c := subsets.beside(single, kind), path.rule)
+            and is_as_good(subsets.residual(single), selection.residual, selection.dataset, selection.rule)
+            and is_plausible(c := subsets.beside(single, kind), selection.rule)
             and not c.distinct
         ):
-            other = _path_to(subsets, single)
-            return replace(other, confounded=(*other.confounded, (c.family, path.missing[-1])))
-    return path
+            other = _selection_of(subsets, single)
+            return replace(other, confounded=(*other.confounded, (c.family, selection.missing[-1])))
+    return selection
 
 
 def _in_order(fit: FittedModel, added: Sequence[str]) -> FittedModel:
@@ -274,31 +275,35 @@ def _confounded(subsets: Subsets, best: Subset) -> tuple[tuple[str, str], ...]:
     return tuple(dict.fromkeys(found))
 
 
-def judged_beside(c: Candidate, path: Path) -> Candidate:
-    """Candidate of a path: one that another effect hides has the p-value that it has beside the others, and says so."""
-    if is_significant(c.p_value, path.rule):
+def judged_beside(c: Candidate, selection: Selection) -> Candidate:
+    """Candidate that was found; one that another effect hides has its p-value beside the others, and says so."""
+    if is_significant(c.p_value, selection.rule):
         return c
     alone = f"alone it would not be significant (p {c.p_value:.2g}); beside the others it is"
-    return replace(c, p_value=path.beside[c.family], remarks=[*c.remarks, alone])
+    return replace(c, p_value=selection.beside[c.family], remarks=[*c.remarks, alone])
 
 
 def _named(subset: Subset) -> str:
     return " + ".join(sorted(kind.name for kind in subset)) or "the model as it is"
 
 
-def emptied(path: Path) -> Path:
-    """Path back at its start, with its trials, but for the errors of the accelerometer: the other effects found do not
-    explain the residual."""
-    kept = {effect.family() for effect in path.current.model.effects if concerns(effect, "sensing")}
-    chosen = tuple(c for c in path.chosen if c.family in kept)
+def emptied(selection: Selection) -> Selection:
+    """Selection without what was found but the errors of the accelerometer: the other effects do not explain the
+    residual. Trials are kept."""
+    kept = {effect.family() for effect in selection.current.model.effects if concerns(effect, "sensing")}
+    chosen = tuple(c for c in selection.chosen if c.family in kept)
     missing = tuple(c.family for c in chosen)
-    if missing == path.missing:
-        return path
+    if missing == selection.missing:
+        return selection
     stack = tuple(
-        i for i in path.current.model.stack if i.effect.family() not in path.missing or i.effect.family() in kept
+        i
+        for i in selection.current.model.stack
+        if i.effect.family() not in selection.missing or i.effect.family() in kept
     )
-    current = fit_model(replace(path.start.fitter.model, stack=stack), path.dataset) if missing else path.start
-    errors = rmse(current.held_out_residual, path.dataset.groups)
-    steps = (path.steps[0], *(replace(step, rmse=errors) for step in path.steps if step.family in missing))
-    confounded = tuple(pair for pair in path.confounded if pair[0] in missing)
-    return replace(path, current=current, steps=steps, chosen=chosen, confounded=confounded)
+    current = (
+        fit_model(replace(selection.start.fitter.model, stack=stack), selection.dataset) if missing else selection.start
+    )
+    errors = rmse(current.held_out_residual, selection.dataset.groups)
+    steps = (selection.steps[0], *(replace(step, rmse=errors) for step in selection.steps if step.family in missing))
+    confounded = tuple(pair for pair in selection.confounded if pair[0] in missing)
+    return replace(selection, current=current, steps=steps, chosen=chosen, confounded=confounded)

@@ -11,7 +11,7 @@ from quadctl.lab.fitting.fitted_model import FittedModel
 from quadctl.lab.fitting.initial_guesses import Unmodelled
 from quadctl.lab.selection.candidate import Candidate
 from quadctl.lab.selection.rule import are_alike, is_as_good, is_measured, is_supported, is_usual, score
-from quadctl.lab.selection.search import Path
+from quadctl.lab.selection.search import Selection
 from quadctl.lab.selection.trial import try_effect
 
 
@@ -31,30 +31,35 @@ def measured_of(ranking: Sequence[Candidate], missing: Container[str]) -> list[C
     return list(found.values())
 
 
-def small_beside(path: Path, measured: Sequence[Candidate]) -> list[list[Candidate]]:
+def small_beside(selection: Selection, measured: Sequence[Candidate]) -> list[list[Candidate]]:
     """Groups of small effects in the order of adding, each on top of those before it: one effect, then those from which
     the data do not tell it."""
     groups: list[list[Candidate]] = []
-    found = _tried(path, path.current, measured, 0)
+    found = _tried(selection, selection.current, measured, 0)
     while found:
         best = found[0]
-        alike = [c for c in found if c is best or are_alike(best.residual, c.residual, path.dataset, path.rule)]
-        as_good = [c for c in alike if is_as_good(c.residual, best.residual, path.dataset, path.rule)]
+        alike = [
+            c for c in found if c is best or are_alike(best.residual, c.residual, selection.dataset, selection.rule)
+        ]
+        as_good = [c for c in alike if is_as_good(c.residual, best.residual, selection.dataset, selection.rule)]
         chosen = min(as_good, key=lambda c: c.n_seen)
         rest = [c for c in found if c is not chosen]
-        found = _tried(path, chosen.fit(path.dataset), rest, len(groups) + 1)
+        found = _tried(selection, chosen.fit(selection.dataset), rest, len(groups) + 1)
         still = {c.family for c in found}
-        if not is_usual(chosen, path.rule):
+        if not is_usual(chosen, selection.rule):
             groups.append([chosen, *(c for c in alike if c is not chosen and c.family not in still)])
     return groups
 
 
-def _tried(path: Path, beside: FittedModel, candidates: Sequence[Candidate], n_before: int) -> list[Candidate]:
+def _tried(
+    selection: Selection, beside: FittedModel, candidates: Sequence[Candidate], n_before: int
+) -> list[Candidate]:
     """Candidates that are measured on top of a fitted model, and not implied by it; the best first."""
     if not candidates:
         return []
-    left, n_tried = Unmodelled(beside), len(path.latest) * (len(path.missing) + 1 + n_before)
-    again = [try_effect(type(c.effect), left, n_tried, path.rule) for c in candidates]
+    left, n_tried = Unmodelled(beside), len(selection.latest) * (len(selection.missing) + 1 + n_before)
+    again = [try_effect(type(c.effect), left, n_tried, selection.rule) for c in candidates]
     return sorted(
-        (c for c in again if is_measured(c, path.rule) and not c.implied), key=lambda c: score(c.residual, path.rule)
+        (c for c in again if is_measured(c, selection.rule) and not c.implied),
+        key=lambda c: score(c.residual, selection.rule),
     )

@@ -32,7 +32,7 @@ def try_effect(effect: type[Effect], left: Unmodelled, n_tried: int, rule: Rule 
 
 @one_blas_thread
 def judged(
-    fit: FittedModel, family: str, left: Unmodelled, forms: FormErrors | None, n_tried: int, rule: Rule = RULE
+    fit: FittedModel, family: str, left: Unmodelled, forms: FormErrors, n_tried: int, rule: Rule = RULE
 ) -> Candidate:
     """The effect of a family in a fitted model, judged beside the others; `left` is what the model leaves without it,
     `forms` the errors that the forms of the others may have, and `n_tried` the number of candidates, guesses included,

@@ -116,9 +116,9 @@ def _nested(
     for turn, number in enumerate(dataset.folds, start=1):
         held = dataset.fold == number
         progress(f"search {turn} of {len(dataset.folds)} without {DATA[dataset.hold_out]}")
-        path = choose_effects(fit_model(model, dataset.samples(~held)), candidates, lambda text: None).path
-        found.update(path.missing)
-        for residual, fit in ((before, path.start), (after, path.current)):
+        selection = choose_effects(fit_model(model, dataset.samples(~held)), candidates, lambda text: None).selection
+        found.update(selection.missing)
+        for residual, fit in ((before, selection.start), (after, selection.current)):
             residual[held] = _residual_of(fit, dataset, held)
     errors = [rmse(residual, dataset.groups) for residual in (before, after)]
     return UnseenError(dataset.hold_out, errors[0], errors[1], len(dataset.folds), dict(found.most_common()))

@@ -19,8 +19,7 @@ from quadctl.lab.fitting.fitted_model import fit_model
 from quadctl.lab.flights.dataset import Dataset, load_dataset
 from quadctl.lab.selection.diagnosis import diagnose
 from quadctl.lab.selection.rule import score
-from quadctl.lab.selection.search import Path as Found
-from quadctl.lab.selection.search import judged_beside, search
+from quadctl.lab.selection.search import Selection, judged_beside, search
 from quadctl.logs.flight_log import FlightLog
 from quadctl.logs.read import read_logs
 from quadctl.model import Model, load_model
@@ -88,7 +87,7 @@ def weakened(logs: list[FlightLog], share: Callable[[Floats], Floats], vehicle: 
     return load_dataset(made, vehicle)
 
 
-def found_in(dataset: Dataset, *pool: type[Effect]) -> Found:
+def found_in(dataset: Dataset, *pool: type[Effect]) -> Selection:
     return search(fit_model(Model(dataset.flights[0].vehicle), dataset), pool, lambda text: None)
 
 

@@ -12,10 +12,12 @@ from quadctl.effects.ground_effect import Exponential
 from quadctl.effects.imu_bias import ConstantBias
 from quadctl.effects.rotor_drag import LinearDrag
 from quadctl.effects.thrust_scale import ConstantScale
+from quadctl.effects.wind import SteadyWind, WindOfEachFlight
 from quadctl.lab.fitting.fitted_model import fit_model
 from quadctl.lab.flights.dataset import Dataset
 from quadctl.lab.selection import subsets as module
 from quadctl.lab.selection.rule import RULE
+from quadctl.lab.selection.search import _simplest
 from quadctl.lab.selection.subsets import Subset, Subsets
 from quadctl.model import Model
 from quadctl.vehicle import Vehicle
@@ -94,6 +96,65 @@ def test_an_effect_whose_rival_is_implausible_without_it_is_judged_without_that(
     subsets = Doubted(passing)
     assert subsets._passes(both, ConstantScale) is alone
     assert subsets._passes(both, LinearDrag)
+
+
+class Ranked(Stubbed):
+    """Subsets with their scores, of which all or none are told apart, and one of whose effects shows two parameters."""
+
+    def __init__(self, scores: Mapping[Subset, float], alike: bool) -> None:
+        super().__init__({}, [])
+        self.rule, self.scores, self.all_alike = RULE, scores, alike
+
+    def score(self, subset: Subset) -> float:
+        return self.scores[subset]
+
+    def rank(self, subset: Subset) -> float:
+        return self.scores[subset]
+
+    def alike(self, one: Subset, other: Subset) -> bool:
+        return self.all_alike
+
+    def n_seen(self, subset: Subset) -> int:
+        return len(subset) + (LinearDrag in subset)
+
+
+SCALE, SAG, DRAG, BIAS = (frozenset({kind}) for kind in (ConstantScale, PowerSag, LinearDrag, ConstantBias))
+
+
+@pytest.mark.parametrize(
+    ("scores", "alike", "chosen"),
+    [
+        ({NONE: 0.0, DRAG: -0.50, SCALE: -0.2}, False, DRAG),
+        ({NONE: 0.0, DRAG: -0.500, BIAS: -0.495}, True, BIAS),
+        ({NONE: 0.0, DRAG: -0.500, BIAS: -0.480}, True, DRAG),
+        ({NONE: 0.0, DRAG | SCALE: -0.50, BIAS: -0.30}, True, BIAS),
+        ({NONE: 0.0, DRAG | SCALE: -0.50, SCALE: -0.50}, True, DRAG | SCALE),
+        ({NONE: 0.0, SAG: -0.50, SCALE: -0.20}, True, SCALE),
+        ({NONE: 0.0, SAG: -0.50, SCALE: -0.20}, False, SAG),
+    ],
+    ids=[
+        "told apart",
+        "as good, fewer parameters",
+        "better by more than equal",
+        "fewer effects",
+        "part of another",
+        "the constant of what varies",
+        "what varies, and shows it",
+    ],
+)
+def test_the_simplest_is_chosen_of_those_that_are_not_told_apart(
+    scores: dict[Subset, float], alike: bool, chosen: Subset
+) -> None:
+    assert _simplest(Ranked(scores, alike), list(scores)) == chosen
+
+
+@pytest.mark.parametrize(("common", "gives_way"), [(-0.495, True), (-0.48, False)])
+def test_values_of_each_flight_give_way_to_common_ones_that_do_as_well(common: float, gives_way: bool) -> None:
+    own: Subset = frozenset({WindOfEachFlight})
+    subsets = Ranked({own: -0.5, frozenset({SteadyWind}): common}, alike=True)
+    subsets.pool = [SteadyWind, WindOfEachFlight]
+    assert subsets._differs_needlessly(own, WindOfEachFlight) is gives_way
+    assert not subsets._differs_needlessly(frozenset({SteadyWind}), SteadyWind)
 
 
 def test_the_number_tried_does_not_depend_on_what_was_fitted_before(
