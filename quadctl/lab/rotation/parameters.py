@@ -245,12 +245,13 @@ class Rotation:
     @cached_property
     def inertia(self) -> dict[str, Value]:
         """Moment of inertia about each axis, kg m^2, with the mass, the arms and the torque constant of the vehicle's
-        file."""
-        return {
+        file; none whose interval reaches 0."""
+        told = {
             name: over(Value(self.ratios[name], self.ratios[name], self.ratios[name]), gain)
             for name, gain in self.gain.items()
             if name in self.ratios and self.is_told(name)
         }
+        return {name: value for name, value in told.items() if value.low > 0.0}
 
     def to_dict(self) -> dict[str, Any]:
         thrust = {"elasticity": self.thrust.found, "inflow_1_s": self.thrust.inflow_1_s if self.thrust.found else None}

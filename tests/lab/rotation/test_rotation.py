@@ -215,6 +215,12 @@ class TestInClosedLoop:
         told = found.thrust.found
         assert told is not None and told.low < true < told.high < told.low + 0.2
 
+    def test_an_inertia_whose_interval_reaches_zero_is_not_told(self, found: Rotation) -> None:
+        assert found.thrust.found is not None and set(found.inertia) >= {"roll", "pitch"}
+        value = found.thrust.found.value
+        unsure = replace(found.thrust, found=Value(value, -value, 3.0 * value))
+        assert replace(found, thrust=unsure).inertia == {}
+
     def test_a_regression_of_the_angular_acceleration_misses_the_gain(
         self, records: list[Record], found: Rotation
     ) -> None:
