@@ -199,16 +199,18 @@ def _is_constant_of(one: Subset, other: Subset) -> bool:
 
 
 def _selection_of(subsets: Subsets, best: Subset) -> Selection:
-    """Selection of a subset: of those plausible alone, what explains most of the acceleration comes first."""
+    """Selection of a subset: the plausible effect that explains most beside those before it comes next."""
     start, rule = subsets.fit(frozenset()), subsets.rule
     steps = [SelectionStep("", start.fitter.model.name, start.held_out_rmse)]
-    chosen, added = [], frozenset[type[Effect]]()
-    alone = {kind: subsets.beside(frozenset({kind}), kind) for kind in subsets.in_order(best)}
-    for kind in sorted(alone, key=lambda kind: (not is_plausible(alone[kind], rule), -alone[kind].explained_m_s2)):
+    chosen: list[Candidate] = []
+    added, left = frozenset[type[Effect]](), subsets.in_order(best)
+    while left:
+        tried = {kind: subsets.beside(added | {kind}, kind) for kind in left}
+        kind = max(left, key=lambda kind: (is_plausible(tried[kind], rule), tried[kind].explained_m_s2))
         added |= {kind}
-        found = subsets.beside(added, kind)
-        chosen.append(found)
-        steps.append(SelectionStep(found.family, found.effect.name, subsets.fit(added).held_out_rmse))
+        left.remove(kind)
+        chosen.append(tried[kind])
+        steps.append(SelectionStep(kind.family(), tried[kind].effect.name, subsets.fit(added).held_out_rmse))
     return Selection(
         start,
         _in_order(subsets.fit(best), [c.family for c in chosen]),
