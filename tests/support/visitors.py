@@ -220,7 +220,9 @@ class Visitor:
         return _barriers(self.page)
 
     def keeps_file(self, selector: str, where: Path) -> Path:
-        """The file that a click downloads, in the folder `where`."""
+        """The file that a click downloads, in the folder `where`; no work that ends draws what is clicked again."""
+        self.page.wait_for_function("document.querySelector('.banner.work, .banner.search') === null")
+        self.waits_until_all_is_drawn()
         with self.page.expect_download() as download:
             self.click(selector)
         path = where / download.value.suggested_filename
