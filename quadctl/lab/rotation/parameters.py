@@ -325,7 +325,11 @@ def fit_rotation(records: Sequence[Record], vehicle: Vehicle) -> Rotation:
     step_s = max(r.step_s for r in records)
     thrust = fit_thrust_map(records, _lag_of(rough, step_s))
     hover = hover_command(records, thrust.by_voltage)
-    axes = {name: fit_axis(records, vehicle, i, hover, thrust) for i, name in enumerate(AXES[:YAW])}
+    if (thrust.value, thrust.by_voltage) == (first.value, first.by_voltage):
+        tilting = rough  # a map that is not told, or of measured speeds, is the first one
+    else:
+        tilting = [fit_axis(records, vehicle, axis, hover, thrust) for axis in range(YAW)]
+    axes = dict(zip(AXES[:YAW], tilting, strict=True))
     axes[AXES[YAW]] = _fit_yaw(records, vehicle, hover, thrust, list(axes.values()))
     with_force = all(r.force is not None for r in records)
     drag = {f"d_{'xy'[i]}": fit_drag(records, i) for i in (0, 1) if with_force and flown(records, i)}
