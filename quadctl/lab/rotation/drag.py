@@ -56,9 +56,8 @@ def fit_drag(records: Sequence[Record], axis: int) -> Estimated:
             for signals, step_s in flights:
                 white = force_filter(noise_of(x), step_s).whitened(signals[: 2 + len(linear)])
                 white = white[:, round(SETTLED_S / step_s) :]
-                columns = white[2:].T
-                before = earlier(columns, round(GUST_PUSHES_S / step_s))
-                made.append(Regression(white[0], columns, white[1:2].T, before))
+                before = earlier(white[2:], round(GUST_PUSHES_S / step_s))
+                made.append(Regression(white[0], white[2:], white[1:2], before))
             return made
 
         start, rows = np.array([-2.5, 0.7, 0.5, -1.0]), round(BLOCK_S / flights[0][1])

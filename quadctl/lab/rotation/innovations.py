@@ -37,15 +37,15 @@ SENSOR_NOISE = (-4.0, -2.0, 0.0, 2.0)
 
 @dataclass(frozen=True, eq=False)
 class Regression:
-    """One flight's regression after whitening: `wanted`, shape (n,), by columns that all flights share, shape (n, p),
-    and by columns of this flight alone, shape (n, q)."""
+    """One flight's regression after whitening: `wanted`, shape (n,), by signals that all flights share, shape (p, n),
+    and by signals of this flight alone, shape (q, n)."""
 
     wanted: Floats
     shared: Floats
     own: Floats
     instruments: Floats | None = None
-    """Signals of which the errors are independent, in place of each shared column, shape (n, p): where a column answers
-    the disturbance before the sensor shows it."""
+    """Signals of which the errors are independent, in place of each shared one, shape (p, n): where that answers the
+    disturbance before the sensor shows it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -206,8 +206,8 @@ def estimate(
     """
 
     def errors_at(x: Floats) -> Floats:
-        wanted, design, _ = _stacked(regress(x))
-        return np.asarray(wanted - design @ solved(design, wanted))
+        wanted, design = _stacked(regress(x))
+        return np.asarray(wanted - solved(design, wanted) @ design)
 
     at = list(names).index("log_sensor")
     tried = [np.where(np.arange(len(start)) == at, level, start) for level in (start[at], *SENSOR_NOISE)]
@@ -215,24 +215,25 @@ def estimate(
     steps = np.full(len(start), 1e-4)
     found = least_squares(errors_at, start, bounds=bounds, x_scale=scale, diff_step=steps, ftol=1e-6)
     flights = regress(found.x)
-    wanted, design, instruments = _stacked(flights)
+    wanted, design = _stacked(flights)
     block = _blocks([len(f.wanted) for f in flights], block_rows)
     plain = solved(design, wanted)
     slopes = [_slope(regress, found.x, i, plain) for i in range(len(start))]
-    columns = np.column_stack([*slopes, design])
-    moved = _influences(columns, wanted - design @ plain, block)
-    linear, errors = plain, wanted - design @ plain
+    rows = np.vstack([*slopes, design])
+    linear, errors = plain, wanted - plain @ design
+    moved = _influences(rows, errors, block)
     if any(f.instruments is not None for f in flights):
+        instruments = _beside_own(flights, [f.shared if f.instruments is None else f.instruments for f in flights])
         linear = solved(design, wanted, instruments)
-        errors = wanted - design @ linear
+        errors = wanted - linear @ design
         # What the parameters before miss by, these miss by, too.
-        cross = instruments.T @ np.column_stack([np.zeros((len(wanted), 0)), *slopes])
-        own = _by_block(instruments * errors[:, None], block) - moved[:, : len(start)] @ cross.T
-        moved[:, len(start) :] = np.linalg.lstsq(instruments.T @ design, own.T, rcond=1e-13)[0].T
+        cross = rows[: len(start)] @ instruments.T
+        own = _by_block(instruments * errors, block) - moved[:, : len(start)] @ cross
+        moved[:, len(start) :] = np.linalg.lstsq(instruments @ design.T, own.T, rcond=1e-13)[0].T
     count = len(moved)
     variance = np.sum(moved**2, axis=0) * count / max(count - 1, 1)
     reach = float(student.ppf(0.975, max(count - 1, 1)))
-    half = np.where(np.any(columns != 0.0, axis=0), reach * np.sqrt(variance), np.inf)  # what moves nothing is unknown
+    half = np.where(np.any(rows != 0.0, axis=1), reach * np.sqrt(variance), np.inf)  # what moves nothing is unknown
     named = {
         name: Value(float(v), float(v - h), float(v + h))
         for name, v, h in zip([*names, *shared], [*found.x, *linear], half, strict=True)
@@ -245,62 +246,62 @@ def estimate(
 
 def _influences(slopes: Floats, errors: Floats, block: NDArray[np.int64]) -> Floats:
     """Influence of each block of samples on the parameters, shape (blocks, p), of least squares whose predictions have
-    these slopes, shape (n, p), and these errors, shape (n,)."""
-    size = np.linalg.norm(slopes, axis=0)
+    these slopes, shape (p, n), and these errors, shape (n,)."""
+    size = np.linalg.norm(slopes, axis=1)
     size[size == 0.0] = 1.0
-    unit = slopes / size
-    bread = np.linalg.pinv(unit.T @ unit, rcond=1e-12)
-    return np.asarray(_by_block(unit * errors[:, None], block) @ bread / size)
+    unit = slopes / size[:, None]
+    bread = np.linalg.pinv(unit @ unit.T, rcond=1e-12)
+    return np.asarray(_by_block(unit * errors, block) @ bread / size)
 
 
 def _by_block(rows: Floats, block: NDArray[np.int64]) -> Floats:
-    """Sums of rows, shape (n, p), over blocks, shape (blocks, p)."""
-    sums = np.zeros((int(block[-1]) + 1, rows.shape[1]))
-    np.add.at(sums, block, rows)
-    return sums
+    """Sums of rows, shape (p, n), over blocks, shape (blocks, p)."""
+    return np.array([np.bincount(block, row) for row in rows]).T
 
 
-def _stacked(flights: Sequence[Regression]) -> tuple[Floats, Floats, Floats]:
-    """Wanted signal, shape (n,), shared columns and their instruments, each of shape (n, p), without what each flight's
-    own columns explain (Frisch & Waugh 1933): the shared parameters and their scores stay the same."""
-    parts = []
-    for f in flights:
-        basis = np.linalg.qr(f.own)[0]
-        every = np.column_stack([f.wanted, f.shared, f.shared if f.instruments is None else f.instruments])
-        parts.append(every - basis @ (basis.T @ every))
-    joined = np.concatenate(parts)
-    columns = (joined.shape[1] - 1) // 2
-    return joined[:, 0], joined[:, 1 : 1 + columns], joined[:, 1 + columns :]
+def _stacked(flights: Sequence[Regression]) -> tuple[Floats, Floats]:
+    """Wanted signal, shape (n,), and shared ones, shape (p, n), of all flights."""
+    joined = _beside_own(flights, [np.vstack([f.wanted, f.shared]) for f in flights])
+    return joined[0], joined[1:]
+
+
+def _beside_own(flights: Sequence[Regression], signals: Sequence[Floats]) -> Floats:
+    """Signals of each flight, shape (q, n), without what its own ones explain (Frisch & Waugh 1933), joined: the shared
+    parameters and their scores stay the same."""
+    pairs = zip(flights, signals, strict=True)
+    return np.concatenate([of - solved(f.own, of) @ f.own for f, of in pairs], axis=1)
 
 
 def solved(design: Floats, wanted: Floats, instruments: Floats | None = None) -> Floats:
-    """Least squares, shape (p,), of columns of any size; or by instruments, of the same shape as the design."""
-    size = np.maximum(np.linalg.norm(design, axis=0), 1e-300)
-    unit = design / size
-    held = unit if instruments is None else instruments / size
-    return np.asarray(np.linalg.lstsq(held.T @ unit, held.T @ wanted, rcond=1e-13)[0] / size)
+    """Least squares, shape (..., p), of signals, shape (..., n), by those of a design, shape (p, n), of any size; or by
+    instruments, of the same shape as the design."""
+    held = design if instruments is None else instruments
+    size = np.linalg.norm(design, axis=1)
+    size[size == 0.0] = 1.0
+    unit, by = held @ design.T / np.outer(size, size), wanted @ held.T / size
+    return np.asarray(np.linalg.lstsq(unit, by.T, rcond=1e-13)[0].T / size)
 
 
 def _slope(regress: Callable[[Floats], Sequence[Regression]], at: Floats, i: int, linear: Floats) -> Floats:
     """Slope of what is predicted over parameter `i`, the linear ones held, shape (n,)."""
     step = np.zeros(len(at))
     step[i] = STEP * max(abs(at[i]), 1e-2)
-    (more, by_more, _), (less, by_less, _) = (_stacked(regress(at + sign * step)) for sign in (1.0, -1.0))
-    return np.asarray(((less - by_less @ linear) - (more - by_more @ linear)) / (2.0 * step[i]))
+    (more, by_more), (less, by_less) = (_stacked(regress(at + sign * step)) for sign in (1.0, -1.0))
+    return np.asarray(((less - linear @ by_less) - (more - linear @ by_more)) / (2.0 * step[i]))
 
 
 def unforeseen(command: Floats, rate: Floats, reach: int) -> Floats:
     """Part of a command that the rate until then and the command before do not tell, all of shape (n,), by least
     squares over `reach` samples."""
-    late = [earlier(x[:, None], k) for k in range(reach + 1) for x in ((rate, command) if k else (rate,))]
-    design = np.column_stack([*late, np.ones(len(command))])
-    return np.asarray(command - design @ solved(design[reach:], command[reach:]))
+    late = [earlier(x, k) for k in range(reach + 1) for x in ((rate, command) if k else (rate,))]
+    design = np.vstack([*late, np.ones(len(command))])
+    return np.asarray(command - solved(design[:, reach:], command[reach:]) @ design)
 
 
-def earlier(columns: Floats, rows: int) -> Floats:
-    """Columns, shape (n, p), of so many rows before; 0 where there are none."""
-    late = np.zeros_like(columns)
-    late[rows:] = columns[: max(len(columns) - rows, 0)]
+def earlier(signals: Floats, rows: int) -> Floats:
+    """Signals, along the last axis, of so many rows before; 0 where there are none."""
+    late = np.zeros_like(signals)
+    late[..., rows:] = signals[..., : max(signals.shape[-1] - rows, 0)]
     return late
 
 

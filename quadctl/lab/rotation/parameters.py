@@ -77,19 +77,18 @@ class _Axis:
         seen = self.record.without_shared(self._seen(damping, acts), shared)
         settled = round(SETTLED_S / self.record.measured_s)
         white = noise.whitened(seen)[:, settled:]
-        columns = white[1:-1].T
-        instruments = columns.copy()
-        instruments[:, 1:] = earlier(columns[:, 1:], round(GUST_TURNS_S / self.record.measured_s))
-        own = white[-1:].T if self.late else np.column_stack([white[-1], self._answered[settled:]])
-        return Regression(white[0], columns, own, instruments)
+        instruments = white[1:-1].copy()
+        instruments[1:] = earlier(instruments[1:], round(GUST_TURNS_S / self.record.measured_s))
+        own = white[-1:] if self.late else np.vstack([white[-1], self._answered[:, settled:]])
+        return Regression(white[0], white[1:-1], own, instruments)
 
     @cached_property
     def _answered(self) -> Floats:
-        """Unforeseen parts of the commands before each measured rate, shape (n, ANSWERED)."""
+        """Unforeseen parts of the commands before each measured rate, shape (ANSWERED, n)."""
         measured = slice(None, None, self.record.every)
         reach = min(round(FORESEEN_S / self.record.measured_s), len(self.rate[measured]) // LEAST_PER_TAP)
         surprise = unforeseen(self.difference.signal[measured], self.rate[measured], reach)
-        return np.column_stack([earlier(surprise[:, None], k) for k in range(1, ANSWERED + 1)])
+        return np.vstack([earlier(surprise, k) for k in range(1, ANSWERED + 1)])
 
     @cached_property
     def _seen(self) -> Callable[[float, tuple[float, float, float]], Floats]:
@@ -326,7 +325,11 @@ def fit_rotation(records: Sequence[Record], vehicle: Vehicle) -> Rotation:
     step_s = max(r.step_s for r in records)
     thrust = fit_thrust_map(records, _lag_of(rough, step_s))
     hover = hover_command(records, thrust.by_voltage)
-    axes = {name: fit_axis(records, vehicle, i, hover, thrust) for i, name in enumerate(AXES[:YAW])}
+    if (thrust.value, thrust.by_voltage) == (first.value, first.by_voltage):
+        tilting = rough  # a map that is not told, or of measured speeds, is the first one
+    else:
+        tilting = [fit_axis(records, vehicle, axis, hover, thrust) for axis in range(YAW)]
+    axes = dict(zip(AXES[:YAW], tilting, strict=True))
     axes[AXES[YAW]] = _fit_yaw(records, vehicle, hover, thrust, list(axes.values()))
     with_force = all(r.force is not None for r in records)
     drag = {f"d_{'xy'[i]}": fit_drag(records, i) for i in (0, 1) if with_force and flown(records, i)}

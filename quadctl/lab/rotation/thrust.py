@@ -101,7 +101,7 @@ def _elasticity(records: Sequence[Record], lag_s: float, by_voltage: bool, *, cl
             signals = r.without_shared(np.array([force[:: r.every] + bend, *others]), x[len(names) :])
             white = force_filter(noise_of(x[1:5]), r.measured_s).whitened(signals)
             white = white[:, round(SETTLED_S / r.measured_s) :]
-            made.append(Regression(white[0], white[1:-1].T, white[-1:].T))
+            made.append(Regression(white[0], white[1:-1], white[-1:]))
         return made
 
     start = np.array([1.5 * min(r.step_s for r in records), -3.3, 0.7, -0.5, -1.0])

@@ -12,7 +12,7 @@ from dataclasses import replace
 
 import numpy as np
 from scipy.optimize import least_squares
-from scipy.signal import bilinear, lfilter
+from scipy.signal import lfilter
 from scipy.stats import t as student
 
 from quadctl.logs.flight_log import FlightLog, Floats
@@ -104,7 +104,10 @@ def _fitted(stretches: Sequence[tuple[Floats, Floats]], start: Sequence[float]) 
 def _error(stretch: tuple[Floats, Floats], values: Floats) -> Floats:
     setpoint, attitude = stretch
     frequency, damping, delay_s = values
-    b, a = bilinear([frequency**2], [1.0, 2.0 * damping * frequency, frequency**2], 1.0 / STEP_S)
+    # Bilinear, s = 2 (z - 1) / (z + 1) / STEP_S, of frequency^2 / (s^2 + 2 damping frequency s + frequency^2).
+    turn = 0.5 * STEP_S * frequency
+    a = np.array([1.0 + 2.0 * damping * turn + turn**2, 2.0 * (turn**2 - 1.0), 1.0 - 2.0 * damping * turn + turn**2])
+    b = turn**2 * np.array([1.0, 2.0, 1.0])
     # A value holds from its sample on; the bilinear filter draws lines between samples, which is half a step earlier.
     index = np.arange(len(setpoint)) - delay_s / STEP_S - 0.5
     late = np.interp(index, np.arange(len(setpoint)), setpoint)
