@@ -38,7 +38,7 @@ test-long-flights: $(INSTALLED)
 # Three at once: a browser is often waited for. What shares a server, or flights, runs in one process; a test may
 # wait for flights in real time, which it gives way to.
 test-long-computing: $(INSTALLED)
-	nice -n 10 $(BIN)/python -m pytest -m "long and not real" -n 3 --dist loadscope --ignore=tests/realtime --timeout 1200
+	nice -n 10 $(BIN)/python -m pytest -m "long and not real" -n 3 --dist loadscope --no-loadscope-reorder --ignore=tests/realtime --timeout 1200
 
 lint: $(INSTALLED)
 	$(BIN)/ruff check .
