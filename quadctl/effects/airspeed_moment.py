@@ -33,7 +33,8 @@ class IsotropicMoment(Effect):
     formula: ClassVar[str] = r"M = T \, k \, (-v, u, 0)"
     depends_on: ClassVar[tuple[str, ...]] = ("speed_forward", "speed_right")
     physics: ClassVar[str] = (
-        "The drag acts above or below the centre of mass, and the rotors' discs flap: the air turns what flies fast."
+        "The drag acts above or below the centre of mass, and the rotors' discs flap: in fast flight this "
+        "turns the vehicle."
     )
     distinguished_by: ClassVar[str] = (
         "moments in runs in both directions that go on growing with the speed; a wake also takes thrust"

@@ -161,7 +161,7 @@ class Answer(Kinds, words=_WORDS):
     NO_FORM = "The residual depends on the logged variables, but no effect of the catalogue describes how."
     NONE_HELPS = "No effect of the catalogue reduces the held-out error enough to matter."
     FOR_FITTING = "{finding} The flights are those for fitting."
-    OTHER_ERROR = "{family:Family} lowers another error: {drop:change} held-out {error}."
+    OTHER_ERROR = "{family:Family} changes the held-out {error} by {drop:change}."
     BY_FLIGHTS = By(
         "same",
         {True: "With whole flights held out the error is {before:m/s²}."},

@@ -20,7 +20,7 @@ FORECAST_OF = ("position, m", "velocity, m/s", "rotation, rad", "rates, rad/s")
 FORECAST_ERRORS = "mean errors of forecasts of what no fit saw [95 % interval]"
 FORECAST_HOLDS = (
     "Held: velocity and rates stay. Model: what `quadctl rotation -o` saves, with its observer. Reference: regression "
-    "on past and commands, without physics. Forecast and reference hold for this controller, and answer no what-if."
+    "on past and commands, without physics. Forecast and reference hold only with this very controller."
 )
 
 

@@ -99,8 +99,8 @@ def _unbalanced(found: Rotation) -> list[str]:
         lines += [
             "As unequal rotors, with a centre of mass in the middle and no wind: thrusts "
             f"{shares} relative to their mean.",
-            "Only yaw tells the two apart, about which a centre of mass makes no moment: the mean moment there is "
-            f"{found.shares.yaw} of that of half of the rotors, so -o saves {which}.",
+            "A centre of mass that is off makes no moment about yaw, unequal rotors do. The mean yaw moment is "
+            f"{found.shares.yaw} of that of half of the rotors; so -o saves {which}.",
         ]
     return lines
 

@@ -204,7 +204,7 @@ class Diagnosis(Result):
         missing = {step.effect for step in self.steps}
         supported = [c for c in self.ranking if c.effect.name in missing or is_supported(c)]
         title = (
-            "Missing (*), in the order of adding; then alternatives"
+            "Missing (*), in the order of adding; then other supported effects"
             if self.missing
             else "Significant alone, but they do not explain the error that is left"
         )

@@ -62,7 +62,7 @@ class Failures(Panel):
             with tag("p", "muted"):
                 explained(
                     "Sigma says how certain a difference is, not how large. Here the model is as it is exported: the "
-                    "per-flight bias is not removed, so errors are larger than at the top."
+                    "per-flight bias is not removed here, so errors are larger than at the top."
                 )
             if self.thrust_reservation:
                 tag("p", "note", self.thrust_reservation)

@@ -22,8 +22,8 @@ GLOSSARY = {
         "so that its samples are not independent; that is counted."
     ),
     "M_A": (
-        "How far the vehicle was from its commanded position, added up over the step: metres times seconds. "
-        "0 is perfect tracking."
+        "Deviation from the commanded position, with its sign, added up over the step: metres times seconds. "
+        "0 where it is as long above as below."
     ),
     "M_B": (
         "How far the step near the ground was from the same step flown high up, added up over time: metres times "
@@ -43,7 +43,7 @@ GLOSSARY = {
         "An effect is called missing where its gain is significant (p below 0.01, for all effects tried together) "
         "and on one axis it either lowers the held-out error by more than 5% and explains more than 0.03 m/s² (root of "
         "the drop of the mean square), or explains more than 0.1 m/s² (1% of g). What is within the per-flight "
-        "bias of any flight is listed as too small to matter."
+        "bias of any flight is listed as not supported, unless it explains half of the error of an axis."
     ),
     "tilt underestimated": (
         "An attitude estimator that levels itself by its accelerometer shows too little lean while the vehicle "

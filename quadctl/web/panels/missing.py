@@ -25,7 +25,7 @@ from quadctl.web.session.findings import Diagnosed
 from quadctl.words import Fact, fact
 
 NOT_NEEDED = "Alternatives to the effects above, not needed beside them."
-NO_HELP = "Not significant, or only with parameters that are physically impossible."
+NO_HELP = "Not significant, within the usual per-flight bias, or only with parameters that are physically impossible."
 
 
 @dataclass(frozen=True)
@@ -57,7 +57,9 @@ class Candidates(Panel):
         near = [c for c in rest if is_supported(c) or c.family in alike]
         others = [c for c in rest if c not in near]
         if chosen:
-            several = "Each change is beside the effects before it; the parameters are of one fit of all."
+            several = (
+                "Each change is relative to the model with the effects before it; all parameters are fitted together."
+            )
             heading("Missing effects, in the order of adding", several if len(chosen) > 1 else "")
             with tag("div", "candidates"):
                 for i, candidate in enumerate(chosen):

@@ -30,7 +30,7 @@ OPEN = "info"
 ICONS = {"missing": "lightbulb", "unexplained": "help"}
 OF_BLOCKS = (
     "Judged on blocks of time of these flights. Judging on whole flights (tab Flights) shows what to expect of a new "
-    "flight; four or more make that a good estimate."
+    "flight; use four or more for this."
 )
 
 

@@ -28,7 +28,7 @@ class Said(Kinds, words=_WORDS):
     AS_IT_STANDS = "of the model as it stands, {bias}"
     HELD_OUT = "of the model as it is exported, per-flight bias included"
     DRAWN_WITHOUT_BIAS = (
-        "The line is without the per-flight bias, which the controller does not know. Error of the line: "
+        "The line is not corrected for the per-flight bias, which the controller does not know. Error of the line: "
         "{off_m_s2:m/s²} {axis}."
     )
     NO_ACCELERATION_IS_CLOSER = (
