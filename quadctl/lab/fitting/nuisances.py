@@ -1,12 +1,12 @@
 """Nuisances: small errors of every real flight that are not physics that a model should hold.
 
 Each flight has its own nuisances: the scale of its thrust (rotors, battery), the trim of its attitude estimate, the
-datum of its height, the delay of its rotor signal, the share of a lean that accelerates the vehicle which the attitude
-estimate takes for level, now and over some seconds, a moment from rotors that are not all alike and a centre of
-mass that is off, and the error of an attitude by motion capture. They are
-fitted together with the effects, so that an effect does not explain them, and held by priors and bounds, so that they
-do not explain an effect. An effect of the same kind, such as a thrust scale or a tilt, is the mean of the vehicle,
-about which its flights scatter by the priors; so its interval knows how flights differ.
+datum of its height, the delays of its rotor signal and of its attitude, the share of a lean that accelerates the
+vehicle which the attitude estimate takes for level, now and over some seconds, a moment from rotors that are not all
+alike and a centre of mass that is off, and the error of an attitude by motion capture. They are fitted together with
+the effects, so that an effect does not explain them, and held by priors and bounds, so that they do not explain an
+effect. An effect of the same kind, such as a thrust scale or a tilt, is the mean of the vehicle, about which its
+flights scatter by the priors; so its interval knows how flights differ.
 """
 
 from collections.abc import Sequence
@@ -42,6 +42,7 @@ KINDS = (
     Kind("delay_s", 0.008, 0.03),
     Kind("levelling", 0.02, 0.1),
     Kind("slow_levelling", 0.05, 0.25, positive=True),
+    Kind("attitude_delay_s", 0.005, 0.02),
     Kind("roll_moment", 0.02, 0.04),
     Kind("pitch_moment", 0.02, 0.04),
     Kind("yaw_moment", 0.02, 0.04),
@@ -51,8 +52,9 @@ KINDS = (
 """Kinds of nuisances. Trims of real vehicles are 0.4 to 3.5 degrees; those beyond the bound are an effect
 (`thrust_tilt`). An accelerometer in a vehicle that accelerates by leaning shows no lean, so an estimator that averages
 it takes a part of the lean for level: the share is positive. Where other lags of the estimator make it negative, it is
-small; a large negative one would stand for a drag, as it did in RAPTOR's forward flight. Moments are in units of the
-root of the summed squares of the rotors' moments: 0.01 is the standard deviation of the moment of rotors whose
+small; a large negative one would stand for a drag, as it did in RAPTOR's forward flight. An attitude that is late by t
+gives an error of t times the jerk, which in a hover that sways at w rad/s is a drag of t w^2 1/s. Moments are in units
+of the root of the summed squares of the rotors' moments: 0.01 is the standard deviation of the moment of rotors whose
 coefficients are independently 1 % off each, and whose motors lean by `LEAN`. Like these errors, they grow with the
 thrust. A centre of mass that is 1 % of the arms off gives 0.02; three flights of RAPTOR have roll and pitch moments of
 0.002 to 0.051, 0.03 in the root mean square; `bounds` widens those of short arms.
@@ -72,13 +74,14 @@ changes nothing."""
 PRIOR_STD = np.array([kind.prior_std for kind in KINDS])
 BOUND = np.array([kind.bound for kind in KINDS])
 LOWEST = np.array([-kind.prior_std if kind.positive else -kind.bound for kind in KINDS])
-FORCES = 7
+FORCES = 8
 """Number of the kinds that act on the acceleration of every flight; three that act on the moments follow."""
 MOMENTS = slice(FORCES, FORCES + 3)
 TRIM, CAPTURED = slice(1, 3), slice(FORCES + 3, FORCES + 5)
 """Places of roll and pitch: of the trim, and of the error of a motion capture."""
-HEIGHT, AGE, LEVELLING, SLOW_LEVELLING = (
-    [kind.name for kind in KINDS].index(name) for name in ("height_m", "delay_s", "levelling", "slow_levelling")
+HEIGHT, AGE, LEVELLING, SLOW_LEVELLING, ATTITUDE_AGE = (
+    [kind.name for kind in KINDS].index(name)
+    for name in ("height_m", "delay_s", "levelling", "slow_levelling", "attitude_delay_s")
 )
 
 
@@ -110,12 +113,14 @@ def captured_leans_deg(flights: Sequence[Flight], nuisances: Floats) -> dict[str
 def disturbed(flight: Flight, nuisance: Floats) -> Flight:
     """Correct the logged flight by its nuisance; predictions are made from the result."""
     scale, roll, pitch, height, delay_s = (float(value) for value in nuisance[:LEVELLING])
+    attitude_delay_s = 0.0 if flight.tells_force else float(nuisance[ATTITUDE_AGE])
     if is_captured(flight) and not flight.tells_force:  # else it turns the measured force, too
         roll, pitch = roll + float(nuisance[CAPTURED][0]), pitch + float(nuisance[CAPTURED][1])
-    if not any((scale, roll, pitch, height, delay_s)):
+    if not any((scale, roll, pitch, height, delay_s, attitude_delay_s)):
         return flight
     c = flight.conditions
-    attitude = multiply(c.attitude, quaternion_from_euler(roll, pitch, 0.0)) if roll or pitch else c.attitude
+    attitude = flight.later_attitude(attitude_delay_s) if attitude_delay_s else c.attitude
+    attitude = multiply(attitude, quaternion_from_euler(roll, pitch, 0.0)) if roll or pitch else attitude
     flight = flight.shifted(delay_s)
     return replace(
         flight,
@@ -173,7 +178,7 @@ def acceleration_jacobian(model: Model, flight: Flight, predicted: Floats, out: 
 
 
 def _acceleration_derivative(model: Model, flight: Flight, predicted: Floats, i: int) -> Floats:
-    if flight.tells_force and i in (LEVELLING, SLOW_LEVELLING):
+    if flight.tells_force and i in (LEVELLING, SLOW_LEVELLING, ATTITUDE_AGE):
         return np.zeros((len(predicted), 3))
     if i == LEVELLING:
         return _leant(predicted[:, :3], 1.0) - predicted[:, :3]

@@ -219,6 +219,12 @@ class Flight:
         nominal = list(self.later(np.array(self.nominal_n), delay_s))
         return replace(self, nominal_n=nominal, delay_s=self.delay_s + delay_s)
 
+    def later_attitude(self, delay_s: float) -> Quaternion:
+        """Attitude, body to world, on the grid, read `delay_s` later."""
+        parts = self.later(np.array(self.conditions.attitude), delay_s)
+        w, x, y, z = parts / np.linalg.norm(parts, axis=0)
+        return w, x, y, z
+
     def with_rotor_delay(self, delay_s: float) -> "Flight":
         """Copy of the flight whose rotor signal is read `delay_s` later than it was logged."""
         if delay_s == self.delay_s:

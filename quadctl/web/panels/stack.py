@@ -35,6 +35,7 @@ NUISANCES = {
     "delay_s": ("rotor signal delay", 1000.0, "ms"),
     "levelling": ("tilt underestimated", 100.0, "%"),
     "slow_levelling": ("tilt underestimated, 3 s mean", 100.0, "%"),
+    "attitude_delay_s": ("attitude delay", 1000.0, "ms"),
 }
 """Name, factor and unit of each nuisance parameter that acts on the acceleration, for a table."""
 BEYOND = {
@@ -42,6 +43,7 @@ BEYOND = {
     "roll_rad": "more roll or pitch is a thrust tilt, a wind, or an autopilot that was not levelled",
     "height_m": "more height is a ground that is not at 0 in the log, or rotors at another height in the vehicle file",
     "delay_s": "more delay is a motor lag, or clocks of the log that differ",
+    "attitude_delay_s": "more delay of the attitude is an error of the estimator or of the log's clocks",
     "levelling": "a larger share is an attitude estimate that cannot be relied on in manoeuvres",
 }
 """Cause of what is more than a nuisance can be, for the first of those that have the same one."""
