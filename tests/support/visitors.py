@@ -220,7 +220,11 @@ class Visitor:
         return _barriers(self.page)
 
     def keeps_file(self, selector: str, where: Path) -> Path:
-        """The file that a click downloads, in the folder `where`; no work that ends draws what is clicked again."""
+        """The file that a click downloads, in the folder `where`.
+
+        Work that ends draws its panels again, and a click on a button that is replaced at that moment is lost: so the
+        visitor clicks when nothing is computed and all is drawn.
+        """
         self.page.wait_for_function("document.querySelector('.banner.work, .banner.search') === null")
         self.waits_until_all_is_drawn()
         with self.page.expect_download() as download:

@@ -221,9 +221,7 @@ class Flight:
 
     def later_attitude(self, delay_s: float) -> Quaternion:
         """Attitude, body to world, on the grid, read `delay_s` later."""
-        parts = self.later(np.array(self.conditions.attitude), delay_s)
-        w, x, y, z = parts / np.linalg.norm(parts, axis=0)
-        return w, x, y, z
+        return _unit(self.later(np.array(self.conditions.attitude), delay_s))
 
     def with_rotor_delay(self, delay_s: float) -> "Flight":
         """Copy of the flight whose rotor signal is read `delay_s` later than it was logged."""
@@ -372,9 +370,7 @@ class Flight:
     @cached_property
     def sampled_attitude(self) -> Quaternion:
         """Filtered attitude, body to world, at the samples, shape (n,) each part."""
-        parts = np.array([self.filtered(part) for part in self.conditions.attitude])
-        w, x, y, z = parts / np.linalg.norm(parts, axis=0)
-        return w, x, y, z
+        return _unit(np.array([self.filtered(part) for part in self.conditions.attitude]))
 
     @cached_property
     def manoeuvres(self) -> dict[str, Floats]:
@@ -444,6 +440,12 @@ def _conditions_at(c: Conditions, columns: NDArray[np.int64] | slice) -> Conditi
         rates_rad_s=(_at(p, columns), _at(q, columns), _at(r, columns)),
         thrust_rate_n_s=tuple(_at(rate, columns) for rate in c.thrust_rate_n_s),
     )
+
+
+def _unit(parts: Floats) -> Quaternion:
+    """Quaternion of length 1, from its interpolated or filtered parts, shape (4, n)."""
+    w, x, y, z = parts / np.linalg.norm(parts, axis=0)
+    return w, x, y, z
 
 
 def _at(signal: Number, columns: NDArray[np.int64] | slice) -> Number:
