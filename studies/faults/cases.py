@@ -242,10 +242,16 @@ def _fill_disk(scene: Scene) -> None:
     scene.later(1.0, lambda: scene.signal(SIGTERM))
 
 
+def _delay_ours(scene: Scene) -> None:
+    scene.line.up.delay_s = 0.3
+    scene.line.apply()
+
+
 def _shake(scene: Scene) -> None:
     """Troubles that a flight bears, and a landing too."""
     for way in (scene.line.down, scene.line.up):
         way.jitter_s, way.loss, way.duplicates = 0.04, 0.1, 0.1
+    scene.line.apply()
     scene.later(3.0, lambda: scene.signal(SIGINT))
 
 
@@ -389,7 +395,7 @@ LINK = (
     ),
     Case(
         "setpoints are delayed by 0.3 s",
-        lambda s: setattr(s.line.up, "delay_s", 0.3),
+        _delay_ours,
         "hand over",
         SLOW,
         silent_s=1.5,

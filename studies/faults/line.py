@@ -3,22 +3,26 @@
 import contextlib
 import heapq
 import itertools
+import multiprocessing
+import os
 import random
 import selectors
 import socket
-import threading
 import time
 from dataclasses import dataclass, field
+from multiprocessing.connection import Connection
 from types import TracebackType
 from typing import Self
 
 HOST = "127.0.0.1"
-LONGEST_WAIT_S = 0.1
+PRIORITY = 10
+"""Priority under SCHED_FIFO, that of the simulated autopilot: a cable waits for nobody."""
+_PROCESSES = multiprocessing.get_context("spawn")
 
 
 @dataclass
 class Troubles:
-    """Troubles of one direction; set from any thread."""
+    """Troubles of one direction."""
 
     delay_s: float = 0.0
     growth: float = 0.0
@@ -48,52 +52,73 @@ class Troubles:
 class Line:
     """Carries datagrams from `autopilot_port`, to which the autopilot sends, to `flight_port`, and back.
 
-    A context manager.
+    A context manager. It is a process of its own: a thread beside the autopilot's would wait for its interpreter.
     """
 
     def __init__(self, autopilot_port: int, flight_port: int) -> None:
         self.autopilot_port, self.flight_port = autopilot_port, flight_port
         self.down, self.up = Troubles(), Troubles()
-        """Troubles of the autopilot's messages, and of ours."""
-        self._autopilot_end = _bound(autopilot_port)
-        self._flight_end = _bound(0)
-        self._flight = (HOST, flight_port)
-        self._autopilot: tuple[str, int] | None = None
-        self._travelling: list[tuple[float, int, socket.socket, bytes, tuple[str, int]]] = []
-        self._numbers = itertools.count()
-        self._stopping = threading.Event()
-        self._thread = threading.Thread(target=self._carry, name="line", daemon=True)
+        """Troubles of the autopilot's messages, and of ours; what is changed later counts from `apply` on."""
+        self._autopilot_end, self._flight_end = _bound(autopilot_port), _bound(0)
+        self._orders, orders = _PROCESSES.Pipe()
+        ends = self._autopilot_end, self._flight_end
+        self._process = _PROCESSES.Process(target=_serve, args=(*ends, flight_port, orders), daemon=True)
+
+    def apply(self) -> None:
+        """Let the troubles of both ways be as they are set now."""
+        self._orders.send((self.down, self.up))
 
     def delay(self, seconds: float) -> None:
         """Delay everything by so much each way."""
         self.down.delay_s = self.up.delay_s = seconds
+        self.apply()
 
     def delay_more_and_more(self, growth: float, most_s: float) -> None:
         """Let the delay of each way grow by `growth` s/s from now on, up to `most_s`."""
         for way in (self.down, self.up):
-            way.most_s, way.grows_from_s = most_s, time.monotonic()
-            way.growth = growth
+            way.most_s, way.grows_from_s, way.growth = most_s, time.monotonic(), growth
+        self.apply()
 
     def __enter__(self) -> Self:
-        self._thread.start()
+        self.apply()
+        self._process.start()
         return self
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        self._stopping.set()
-        self._thread.join()
+        self._orders.send(None)
+        self._process.join()
         self._autopilot_end.close()
         self._flight_end.close()
 
-    def _carry(self) -> None:
+
+class _Carrier:
+    """The line's own process: what it carries, and where to."""
+
+    def __init__(self, autopilot_end: socket.socket, flight_end: socket.socket, flight_port: int) -> None:
+        self._autopilot_end, self._flight_end = autopilot_end, flight_end
+        self._flight = (HOST, flight_port)
+        self._autopilot: tuple[str, int] | None = None
+        self._down, self._up = Troubles(), Troubles()
+        self._travelling: list[tuple[float, int, socket.socket, bytes, tuple[str, int]]] = []
+        self._numbers = itertools.count()
+
+    def carry(self, orders: "Connection[object, tuple[Troubles, Troubles] | None]") -> None:
+        """Carry datagrams, with the troubles that are ordered, until None is."""
         with selectors.DefaultSelector() as selector:
-            selector.register(self._autopilot_end, selectors.EVENT_READ)
-            selector.register(self._flight_end, selectors.EVENT_READ)
-            while not self._stopping.is_set():
-                due_s = self._travelling[0][0] - time.monotonic() if self._travelling else LONGEST_WAIT_S
-                for key, _ in selector.select(min(max(due_s, 0.0), LONGEST_WAIT_S)):
-                    self._take(key.fileobj)
+            for end in (self._autopilot_end, self._flight_end, orders):
+                selector.register(end, selectors.EVENT_READ)
+            while True:
+                wait_s = max(self._travelling[0][0] - time.monotonic(), 0.0) if self._travelling else None
+                for key, _ in selector.select(wait_s):
+                    if key.fileobj is not orders:
+                        self._take(key.fileobj)
+                        continue
+                    ordered = orders.recv()
+                    if ordered is None:
+                        return
+                    self._down, self._up = ordered
                 self._deliver(time.monotonic())
 
     def _take(self, end: object) -> None:
@@ -103,11 +128,11 @@ class Line:
                 try:
                     if end is self._autopilot_end:
                         data, self._autopilot = self._autopilot_end.recvfrom(65536)
-                        self._send_off(self.down, self._flight_end, data, self._flight)
+                        self._send_off(self._down, self._flight_end, data, self._flight)
                     else:
                         data = self._flight_end.recv(65536)
                         if self._autopilot is not None:
-                            self._send_off(self.up, self._autopilot_end, data, self._autopilot)
+                            self._send_off(self._up, self._autopilot_end, data, self._autopilot)
                 except ConnectionError:  # nobody listens on the other side (yet)
                     continue
 
@@ -120,6 +145,18 @@ class Line:
             _, _, by, data, to = heapq.heappop(self._travelling)
             with contextlib.suppress(ConnectionError, BlockingIOError):
                 by.sendto(data, to)
+
+
+def _serve(
+    autopilot_end: socket.socket,
+    flight_end: socket.socket,
+    flight_port: int,
+    orders: "Connection[object, tuple[Troubles, Troubles] | None]",
+) -> None:
+    if hasattr(os, "sched_setscheduler"):
+        with contextlib.suppress(OSError):
+            os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(PRIORITY))
+    _Carrier(autopilot_end, flight_end, flight_port).carry(orders)
 
 
 def _bound(port: int) -> socket.socket:

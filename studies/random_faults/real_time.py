@@ -44,6 +44,10 @@ class LiveStage(Stage):
         self.scene = scene
         self.due: list[tuple[float, Callable[[], object]]] = []
 
+    def refresh(self) -> None:
+        super().refresh()
+        self.scene.line.apply()
+
     @property
     def now_s(self) -> float:
         return time.monotonic()

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import pytest
 
+from quadctl.errors import LinkError
 from quadctl.flight.autopilot.mavsdk_autopilot import MavsdkAutopilot
 from quadctl.flight.pilot.guards import Guard, GuardLimits, defect
 from quadctl.flight.pilot.reasons import Kind
@@ -19,7 +20,7 @@ from quadctl.state import VehicleState
 from quadctl.vehicle import load_vehicle
 from studies.faults.line import Line
 from tests.support.configurations import configuration
-from tests.support.links import RAPTOR, Link, free_port, mock
+from tests.support.links import RAPTOR, Link, connected, free_port, mock
 from tests.support.places import ROOT
 
 pytestmark = pytest.mark.realtime
@@ -105,6 +106,16 @@ def test_an_autopilot_that_does_not_answer_is_a_warning() -> None:
     asyncio.run(look())
 
 
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_mode_is_entered_where_only_the_acknowledgement_is_lost(kind: type[SimulatedAutopilot]) -> None:
+    with connected(kind(VEHICLE)) as link:
+        link.px.faults.withheld = frozenset({"COMMAND_ACK"})
+        asyncio.run(link.adapter.hold())
+        assert link.adapter.state().mode == link.adapter.firmware.hold_mode
+        with pytest.raises(LinkError, match="no answer"):
+            asyncio.run(link.adapter.take_off(1.0))
+
+
 @pytest.mark.parametrize("kind", [SimulatedAutopilot, pytest.param(SimulatedCopter, marks=pytest.mark.long)])
 def test_no_flight_begins_over_a_link_with_250_ms_each_way(kind: type[SimulatedAutopilot], tmp_path: Path) -> None:
     """On the real autopilots such flights swung by metres; the age of the state was logged as 5 ms."""
@@ -124,4 +135,5 @@ def test_a_flight_over_a_link_that_loses_a_fifth_from_its_start_is_completed(
 ) -> None:
     line = Line(free_port(), free_port())
     line.down.loss = line.up.loss = 0.2
+    line.up.chance.seed(1)
     assert flown_over(line, kind(VEHICLE), tmp_path) == (0, "completed")

@@ -4,6 +4,7 @@ Lifting off by targets works too, but leaves an internal error behind that block
 nothing but heartbeats: every message has to be asked for.
 """
 
+from quadctl.flight.autopilot import mavlink
 from quadctl.flight.autopilot.firmware import (
     Check,
     Firmware,
@@ -139,7 +140,7 @@ ARDUPILOT = Firmware(
     ),
     tells_readiness=lambda mode: True,
     lists_prearm=True,
-    texts_for_stations=False,
+    heartbeat_type=mavlink.COMPANION,
     disarming_text="",
     tells_aids=True,
     thrust_chain=CHAIN,

@@ -126,8 +126,8 @@ class Firmware:
     """Function from its mode: True when the pre-arm bit of SYS_STATUS says in this mode if offboard could be armed."""
     lists_prearm: bool
     """True: SYS_STATUS lists the pre-arm check as present; False: only its health bit tells."""
-    texts_for_stations: bool
-    """True: its texts go only to links on which it hears the heartbeat of a ground station."""
+    heartbeat_type: int
+    """MAV_TYPE of our heartbeats: that of a ground station where texts go only to links on which one is heard."""
     disarming_text: str
     """Beginning of the text that says at once that it is disarmed; empty where heartbeats come soon enough."""
     tells_aids: bool

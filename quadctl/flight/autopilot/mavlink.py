@@ -41,15 +41,16 @@ GPS, VISION_POSITION = 1 << 5, 1 << 7
 GPS_FIX_3D = 3
 """Least `fix_type` of GPS_RAW_INT with which a GPS measures the position."""
 
-STATION_HEARTBEAT = {
-    "type": 6,  # MAV_TYPE_GCS
+STATION, COMPANION = 6, 18
+"""MAV_TYPE_GCS, MAV_TYPE_ONBOARD_CONTROLLER."""
+HEARTBEAT = {
     "autopilot": 8,  # MAV_AUTOPILOT_INVALID
     "base_mode": 0,
     "custom_mode": 0,
     "system_status": 4,  # MAV_STATE_ACTIVE
     "mavlink_version": 3,
 }
-"""Heartbeat of a ground station."""
+"""Fields of a heartbeat of ours but its type."""
 
 CMD_NAV_TAKEOFF = 22
 CMD_DO_SET_MODE = 176

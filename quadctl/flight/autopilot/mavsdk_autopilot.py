@@ -16,7 +16,7 @@ from quadctl.errors import FlightError, LinkError, RefusalError
 from quadctl.flight.autopilot import mavlink, round_trips
 from quadctl.flight.autopilot.firmware import Firmware, Renamed, Requirement, Stream
 from quadctl.flight.autopilot.firmwares import FIRMWARES
-from quadctl.flight.autopilot.mavsdk_link import MavsdkLink
+from quadctl.flight.autopilot.mavsdk_link import MavsdkLink, tried_again
 from quadctl.flight.autopilot.telemetry import Telemetry
 from quadctl.frames import cos_tilt
 from quadctl.state import AttitudeTarget, Vec3, VehicleState
@@ -28,8 +28,9 @@ REASON_WAIT_S = 0.3
 """Longest wait for the text that explains a refusal: it comes just before or after the acknowledgement."""
 MORE_REASONS_S = 0.1
 """Time in which further texts follow the first."""
-STATION_EVERY_S = 1.0
-"""Interval of a ground station's heartbeats."""
+HEARTBEAT_EVERY_S = 0.5
+"""Interval of our heartbeats, beside those of MAVSDK, which come once a second: of a link that loses a fifth, three of
+those in a row are lost now and then, and ArduPilot's failsafe lands the vehicle."""
 VERSION_WAIT_S = 1.0
 """Longest wait for the message with the hardware id."""
 ROTORS_WAIT_S = 0.5
@@ -60,7 +61,7 @@ class MavsdkAutopilot:
         self._link.on_reopened = self._ask_again
         self._start_s = time.monotonic()
         self._shown_s = self._start_s
-        """Time of the last heartbeat of a ground station."""
+        """Time of our last heartbeat."""
         self._closing = threading.Event()
         # On a thread of its own: a question must not wait for a tick, nor a tick for a question.
         self._asker = threading.Thread(target=self._keep_talking, name="round trips", daemon=True)
@@ -99,7 +100,7 @@ class MavsdkAutopilot:
                 f"The autopilot at {self._link.url} is of an unknown kind: its heartbeat says MAV_AUTOPILOT {kind}, "
                 f"expected {expected}."
             )
-        self._show_station()
+        self._show_ourselves()
         self._asker.start()
 
     async def identity(self) -> str:
@@ -284,9 +285,8 @@ class MavsdkAutopilot:
 
     def _request_stream(self, stream: Stream) -> int:
         interval_us = 1e6 / stream.rate_hz
-        return self._link.command(
-            mavlink.CMD_SET_MESSAGE_INTERVAL, stream.message_id, interval_us, what=f"send {stream.name}"
-        )
+        number, what = mavlink.CMD_SET_MESSAGE_INTERVAL, f"send {stream.name}"
+        return tried_again(lambda: self._link.command(number, stream.message_id, interval_us, what=what))
 
     async def _ask_for_version(self) -> None:
         """Ask for the version and the hardware's id, where they have not been told."""
@@ -332,20 +332,18 @@ class MavsdkAutopilot:
             self._talk(time.monotonic())
 
     def _talk(self, now_s: float) -> None:
-        """Ask for a round trip, and be heard as a ground station where texts are sent to nobody else."""
+        """Ask for a round trip, and be heard."""
         self._telemetry.settle_texts(now_s)
         if not self._telemetry.state(now_s).connected:  # nobody to ask, and MAVSDK would complain of each question
             return
         with contextlib.suppress(LinkError):  # the guards notice what that means
             self._link.send("TIMESYNC", self._telemetry.round_trips.question(now_s))
-            if now_s - self._shown_s >= STATION_EVERY_S:
-                self._show_station()
+            if now_s - self._shown_s >= HEARTBEAT_EVERY_S:
+                self._show_ourselves()
 
-    def _show_station(self) -> None:
-        """Send the heartbeat of a ground station where texts are sent to nobody else."""
+    def _show_ourselves(self) -> None:
         self._shown_s = time.monotonic()
-        if self.firmware.texts_for_stations:
-            self._link.send("HEARTBEAT", mavlink.STATION_HEARTBEAT)
+        self._link.send("HEARTBEAT", {"type": self.firmware.heartbeat_type, **mavlink.HEARTBEAT})
 
     async def _enter(self, mode: str, once: bool = False) -> None:
         await self._request(
@@ -358,19 +356,25 @@ class MavsdkAutopilot:
         )
 
     async def _request(
-        self, what: str, command: int, *parameters: float, until: Callable[[], bool] = lambda: True, once: bool = False
+        self, what: str, command: int, *parameters: float, until: Callable[[], bool] | None = None, once: bool = False
     ) -> None:
         """Send a command, and return when a heartbeat shows its effect: until then the state contradicts the answer.
 
-        `once`: without the repetitions of a command that is not acknowledged.
+        Where the answer was lost, the effect answers. `once`: without the repetitions of a command that is not
+        acknowledged.
         """
         asked_s = time.monotonic()
         send = self._link.command_once if once else self._link.command
-        result = await self._link.run(lambda: send(command, *parameters, what=what))
+        try:
+            result = await self._link.run(lambda: send(command, *parameters, what=what))
+        except LinkError:
+            if until is None or not until():
+                raise
+            return
         if result != mavlink.ACCEPTED:
             reasons = "; ".join([mavlink.result_name(result), *await self._reasons(asked_s)])
             raise RefusalError(f"{self.description} refused to {what}: {reasons}.")
-        if not await self._await(until, HEARTBEAT_WAIT_S):
+        if until is not None and not await self._await(until, HEARTBEAT_WAIT_S):
             reasons = "".join(f"; {reason}" for reason in await self._reasons(asked_s))
             raise FlightError(
                 f"{self.description} accepted to {what}, but no heartbeat shows it within {HEARTBEAT_WAIT_S:g} s"

@@ -174,6 +174,9 @@ class MavsdkLink:
 
     def write_parameter(self, name: str, value: float) -> None:
         """Set a parameter, as an integer where the autopilot holds one; raises FlightError when it is not confirmed."""
+        tried_again(lambda: self._write_parameter(name, value))
+
+    def _write_parameter(self, name: str, value: float) -> None:
         param = self._opened(self._param)
         known = self.read_parameter(name)
         if known is None:
@@ -284,6 +287,15 @@ async def _first_autopilot(mavsdk: Mavsdk, timeout_s: float) -> System | None:
         return await found
     finally:
         mavsdk.cancel_first_autopilot(waiting)
+
+
+def tried_again(call: Callable[[], T]) -> T:
+    """Result of a call that may be made twice, where the first has failed: of a link that loses a fifth each way, the
+    four attempts of MAVSDK lose one call in sixty."""
+    try:
+        return call()
+    except FlightError:
+        return call()
 
 
 def _log(level: LogLevel, text: str, *_: object) -> bool:

@@ -1,5 +1,6 @@
 """PX4 on the MAVLink wire: offboard mode follows targets, which also lift the vehicle off."""
 
+from quadctl.flight.autopilot import mavlink
 from quadctl.flight.autopilot.firmware import (
     Check,
     Firmware,
@@ -103,7 +104,7 @@ PX4 = Firmware(
     # The bit is about the present mode, and offboard is not ready before setpoints arrive.
     tells_readiness=lambda mode: mode != "OFFBOARD",
     lists_prearm=False,
-    texts_for_stations=True,
+    heartbeat_type=mavlink.STATION,
     disarming_text="Disarmed by ",
     tells_aids=False,
     thrust_chain=CHAIN,

@@ -28,7 +28,7 @@ CHECKS_EVERY_S = 5.0
 REASONS_S = 10.0
 """Largest age of the texts that may be those reasons."""
 START_TIMEOUT_S = 8.0
-TRIES = 4
+TRIES = 8
 """Number of requests to arm or to take off without an answer after which the start has failed: each waits for half a
 second."""
 ARM_AGAIN_S = 1.0
@@ -92,6 +92,8 @@ class Pilot:
         self._unanswered = 0
         self._lost: Request | None = None
         """Request to arm or to take off that was not answered, and may have arrived all the same."""
+        self._take_off_refused: str | None = None
+        """Reason for which a repeated take-off was refused."""
         self._steps: dict[Stage, _Step] = {
             Stage.WAIT: self._wait,
             Stage.STREAM: self._stream,
@@ -147,7 +149,8 @@ class Pilot:
         """Note that a request failed; `refused`: by an answer, so that nothing was done.
 
         A refused arming is asked for again for some seconds; an arming, a take-off or a landing that was not answered
-        some times. Any other failure of a start ends the flight, and a failed landing the targets.
+        some times. A take-off is refused to a vehicle in the air, so the refusal of a repeated one counts only when the
+        vehicle does not climb. Any other failure of a start ends the flight, and a failed landing the targets.
         """
         if request in (Request.CHECKS, Request.LEAVE_OFFBOARD):
             return
@@ -160,6 +163,8 @@ class Pilot:
         elif request in (Request.ARM, Request.TAKE_OFF) and not refused and self._unanswered < TRIES - 1:
             self._unanswered += 1
             self._lost = request
+        elif request is Request.TAKE_OFF and refused and self._unanswered:
+            self._take_off_refused = why
         else:
             self._watch.refusal = reason(Kind.TOLD, text=why)
 
@@ -315,7 +320,9 @@ class Pilot:
         if breach is None and self._watch.refusal is not None:
             breach = Breach(Answer.HAND_OVER, self._watch.refusal)
         if breach is None and self._progress.in_stage_s > CLIMB_TIMEOUT_S:
-            breach = Breach(Answer.HAND_OVER, reason(Kind.NO_TAKE_OFF, waited_s=CLIMB_TIMEOUT_S))
+            told = self._take_off_refused
+            why = reason(Kind.TOLD, text=told) if told else reason(Kind.NO_TAKE_OFF, waited_s=CLIMB_TIMEOUT_S)
+            breach = Breach(Answer.HAND_OVER, why)
         if breach is not None:  # no targets yet, so none while the landing is asked for either
             silent = Answer.HAND_OVER if breach.answer is Answer.LAND else breach.answer
             return self._landing.answer(breach._replace(answer=silent), state)

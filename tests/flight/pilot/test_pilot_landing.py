@@ -168,7 +168,7 @@ def test_an_arming_that_is_not_answered_is_asked_for_again_some_times() -> None:
     flight.autopilot.ignored.add("ARM")
     flight.also.append(unanswered(flight, Request.ARM))
     flight.fly()
-    assert len(flight.watch.with_request(Request.ARM)) == 4
+    assert len(flight.watch.with_request(Request.ARM)) == 8
     assert flight.pilot.ended == "no answer"
 
 

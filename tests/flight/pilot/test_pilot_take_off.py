@@ -1,6 +1,7 @@
 """The pilot of an autopilot that takes off by itself."""
 
 import math
+from collections.abc import Callable
 
 import pytest
 
@@ -17,13 +18,17 @@ from tests.support.places import ROOT
 VEHICLE = load_vehicle(RAPTOR)
 
 
-def flown_in_lockstep(copter: SimulatedCopter, guards: GuardLimits | None = None) -> tuple[Pilot, list[Tick]]:
+def flown_in_lockstep(
+    copter: SimulatedCopter,
+    guards: GuardLimits | None = None,
+    also: Callable[[Pilot, Tick], None] = lambda pilot, tick: None,
+) -> tuple[Pilot, list[Tick]]:
     plan = prepare_flight(ROOT / "missions" / "short_hop.yaml", ROOT / "config" / "flight.yaml", None, None)
     if guards is not None:
         plan = plan._replace(settings=plan.settings.model_copy(update={"guards": guards}))
     copter.parameters["GUID_OPTIONS"] = 8.0
     pilot, ticks = plan.pilot(autopilot_takes_off=True), list[Tick]()
-    fly_lockstep(copter, pilot, plan.settings.controller.rate_hz, [ticks.append])
+    fly_lockstep(copter, pilot, plan.settings.controller.rate_hz, [ticks.append, lambda tick: also(pilot, tick)])
     return pilot, ticks
 
 
@@ -54,6 +59,31 @@ def test_a_take_off_that_does_not_come_ends_disarmed_without_a_target(answer: st
     assert pilot.ended.endswith(reason)
     assert [request for tick in ticks for request in tick.requests][-1] is Request.LAND
     assert all(tick.target is None for tick in ticks)
+    assert not copter.armed
+
+
+@pytest.mark.parametrize(("climbs", "reason"), [(True, "completed"), (False, "Take-off needs GUIDED")])
+def test_a_take_off_whose_answer_was_lost_is_asked_for_again_and_its_refusal_in_the_air_ends_nothing(
+    climbs: bool, reason: str
+) -> None:
+    class ClimbingCopter(SimulatedCopter):
+        asked = 0
+
+        def request_take_off(self, height_m: float) -> str | None:
+            self.asked += 1
+            if self.asked > 1:
+                return "Take-off needs GUIDED, armed, on the ground"
+            return super().request_take_off(height_m) if climbs else None
+
+    def lose_the_answer(pilot: Pilot, tick: Tick) -> None:
+        if Request.TAKE_OFF in tick.requests and copter.asked == 1:
+            pilot.request_failed(Request.TAKE_OFF, "no answer", refused=False)
+
+    copter = ClimbingCopter(VEHICLE)
+    copter.parameters["DISARM_DELAY"] = 25.0
+    pilot, _ = flown_in_lockstep(copter, also=lose_the_answer)
+    assert copter.asked == 2
+    assert reason in pilot.ended
     assert not copter.armed
 
 
