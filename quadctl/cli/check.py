@@ -54,8 +54,8 @@ def check(
         Reads(),
         typer.Argument(
             metavar="[VEHICLE.yaml] MISSION",
-            help="Mission file or name (figure8), optionally preceded by a vehicle file [default: from model or "
-            "configuration].",
+            help="Mission file or name (figure8), optionally preceded by a vehicle file, which otherwise comes from "
+            "the model or the configuration.",
             callback=_found,
         ),
     ],

@@ -68,8 +68,8 @@ def export(
 ) -> None:
     """Export a fitted model to an autopilot or a simulator.
 
-    It becomes parameters with 95 % intervals, equations of motion, or a vehicle of a simulator. Parameters that the
-    flights do not determine, and effects that the target cannot represent, are listed.
+    The model becomes parameters with 95 % intervals, equations of motion, or a vehicle of a simulator. The export lists
+    parameters that the flights do not determine and effects that the target cannot represent.
     """
     from quadctl.export.autopilot import check_same_vehicle, left_out, parameter_file, parameters
     from quadctl.export.sensors import sensor_rows

@@ -40,7 +40,7 @@ def lab_page(
 ) -> None:
     """Find what a model is missing, on a page in the browser.
 
-    Without logs, or with those of the session in DIR, this session is continued.
+    Without logs, or with those of the session saved in DIR, that session is continued.
     """
     from quadctl.web.work.worker import prepare_workers
 

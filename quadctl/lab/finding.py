@@ -102,8 +102,11 @@ class Finding:
 
 
 def parameters_of(effect: Effect, ci95: Mapping[str, tuple[float, float]]) -> dict[str, Any]:
-    """Facts `effect` and `parameters`, each with `value` and `ci95`; one that is chosen and not fitted has no
+    """Facts `effect` and `parameters`, each with `value`, `ci95` and `unit`; one that is chosen and not fitted has no
     interval."""
-    values = effect.values().items()
-    parameters = {name: {"value": v, "ci95": list(ci95[name]) if name in ci95 else None} for name, v in values}
+    units = {p.name: p.unit for p in effect.parameters()}
+    parameters = {
+        name: {"value": v, "ci95": list(ci95[name]) if name in ci95 else None, "unit": units.get(name, "")}
+        for name, v in effect.values().items()
+    }
     return {"effect": effect.name, "parameters": parameters}

@@ -13,8 +13,8 @@ from quadctl.lab.flights.flight import SPAN_NAMES
 from quadctl.vehicle import Vehicle
 from quadctl.words import By, Fact, Format, Kinds, Template, When, Words
 
-_VERDICTS: Mapping[Kind, str] = {
-    Kind.MISSING: "Missing: {families:families}",
+_VERDICTS: Mapping[Kind, Template] = {
+    Kind.MISSING: ("Missing: ", When("alternatives", "{alternatives:alternatives}", "{families:families}")),
     Kind.ONLY_SMALL: "Nothing that matters much is missing; measured, but small: {families:families}",
     Kind.NONE: "No known effect is missing: none reduces the held-out error enough to matter",
     Kind.UNEXPLAINED: "Something is missing that no known effect explains",
@@ -30,8 +30,8 @@ _VERDICTS: Mapping[Kind, str] = {
 TEMPLATES: Mapping[Kind, Template] = {
     **{kind: (template, IF_IT_FLEW, ".") for kind, template in _VERDICTS.items()},
     Kind.EFFECT: "{effect}: {parameters:parameters}",
-    Kind.ERROR: "Held-out acceleration error, per-flight bias fitted: {before:number} → {after:m/s²} ({drop:change}).",
-    Kind.ERROR_LEFT: "Held-out acceleration error, per-flight bias fitted: {rmse:m/s²}; `quadctl compare` gives the "
+    Kind.ERROR: "Held-out acceleration error, per-flight bias removed: {before:number} → {after:m/s²} ({drop:change}).",
+    Kind.ERROR_LEFT: "Held-out acceleration error, per-flight bias removed: {rmse:m/s²}; `quadctl compare` gives the "
     "reference error.",
     Kind.PART_UNEXPLAINED: "Part of the remaining error depends on the logged variables; no known effect explains it.",
     Kind.CONFOUNDED: "{family:Family} or {others:others}: these data do not distinguish them.",
@@ -105,6 +105,7 @@ _FORMATS: Mapping[str, Format] = {
     "family": plain,
     "Family": lambda family: sentence(plain(family)),
     "others": lambda names: " or ".join(map(plain, names)),
+    "alternatives": lambda found: "; ".join(" or ".join(map(plain, (f, *others))) for f, others in found.items()),
     "list": listed,
     "names": ", ".join,
     "any": " or ".join,
@@ -145,8 +146,9 @@ class Answer(Kinds, words=_WORDS):
         "regression on all logged variables leaves {floor_m_s2:roughly}."
     )
     TRIED = (
-        "{tried:count effect} of the catalogue were fitted on top of {model}, each judged on {held_out}. p-values "
-        "account for autocorrelation and for the number of candidates tried."
+        "{tried:count effect} of the catalogue were tried on top of {model}, each judged on {held_out}; {fitted} of "
+        "them were fitted, the others are to first order no better than noise or another form. p-values account for "
+        "autocorrelation and for the number of candidates tried."
     )
     REFERENCE = "The reference error is {floor_m_s2:roughly}."
     OTHERS_THAN = ("{finding}", When("distinguished", " {distinguished:Semicolons}."))

@@ -31,7 +31,7 @@ def test_every_kind_has_a_template() -> None:
         (Finding(Kind.EFFECT, WEAK), "rotor_fault.weak: loss = 0.05 [0.04, 0.06], rotor = 3 (chosen)"),
         (
             Finding(Kind.ERROR, {"before": 1.208, "after": 0.4797, "drop": 0.603}),
-            "Held-out acceleration error, per-flight bias fitted: 1.21 → 0.480 m/s² (\u221260%).",
+            "Held-out acceleration error, per-flight bias removed: 1.21 → 0.480 m/s² (\u221260%).",
         ),
         (
             Finding(

@@ -958,7 +958,7 @@ class TestOpenTab:
         fitted[0, 0], fitted[1, 0] = 0.015, -0.015
         solution = replace(evaluation.solution, optimum=replace(optimum, nuisances=fitted))
         results = replace(view.results, evaluation=replace(evaluation, solution=solution))
-        said = "What is fitted to each flight by itself differs beside that: thrust by at least 3%."
+        said = "Parameters that are fitted to each flight separately also differ: thrust by at least 3%."
         assert said in str(tabs("fails", replace(view, results=results)).shown)
 
     def test_that_blocks_of_time_were_held_out_of_several_flights_is_said(

@@ -100,10 +100,10 @@ class Kind(Kinds, words=_WORDS):
     NOT_AHEAD = "look_ahead is false: the reference is fed forward at its own time"
     AHEAD = "the force to the side follows {lag_s:.2f} s later, and the reference is looked at ahead"
     NO_RESPONSE = (
-        "lag not known ('{vehicle}' has no attitude_response): no look-ahead of the reference, so the vehicle is late; "
+        "lag not known ('{vehicle}' has no attitude_response): no look-ahead, so the vehicle follows late; "
         "`quadctl fit` finds the lag in a log of the mission `excitation`"
     )
-    NO_DRAG = "lag {lag_s:.2f} s, but no drag in the model: no look-ahead of the reference, so the vehicle is late"
+    NO_DRAG = "lag {lag_s:.2f} s, but no drag in the model: no look-ahead, so the vehicle follows late"
     LAG_NOT_SHOWN = "{log} does not show the lag"
     TOO_CALM = "expected 15 s in the air that lean both ways, as excitation does"
     LAG_SHOWN = (

@@ -76,7 +76,7 @@ def open_loop_table(by_horizon: Sequence[OpenLoop]) -> Table:
     """Table of the errors of position and velocity, with those of a constant velocity for comparison."""
     table = Table(title="Open-loop prediction, error (RMSE) / m, m/s", title_justify="left")
     table.add_column("after", no_wrap=True)
-    for name in ("horizontal", "up", "position [95 %]", "velocity", "velocity held"):
+    for name in ("horizontal", "up", "position [95 %]", "velocity", "position, no model"):
         table.add_column(name, justify="right", no_wrap=True)
     for e in by_horizon:
         parts = (e.position["horizontal"], e.position["up"])

@@ -77,14 +77,16 @@ def parameters_in_text(effect: Effect, ci95: Mapping[str, tuple[float, float]]) 
 
 
 def parameter_lines(parameters: Mapping[str, Mapping[str, Any]]) -> list[str]:
-    """Parameters, as `parameters_of` gives them, with 95 % intervals, one a line: `a = 0.114 [0.10, 0.12]`.
+    """Parameters, as `parameters_of` gives them, with units and 95 % intervals, one a line: `b = 5.4 1/m [5.0, 5.8]`.
 
     One that was chosen beside those that were fitted, from the data or from the literature: `c = 1 (chosen)`.
     """
     are_fitted = any(p["ci95"] for p in parameters.values())
     others = " (chosen)" if are_fitted else ""
     return [
-        f"{name} = {p['value']:.4g}" + (f" {interval_in_words(p['value'], tuple(p['ci95']))}" if p["ci95"] else others)
+        f"{name} = {p['value']:.4g}"
+        + (f" {p['unit']}" if p.get("unit") else "")
+        + (f" {interval_in_words(p['value'], tuple(p['ci95']))}" if p["ci95"] else others)
         for name, p in parameters.items()
     ]
 
@@ -95,10 +97,11 @@ def parameters_in_words(parameters: Mapping[str, Mapping[str, Any]]) -> str:
 
 
 def interval_in_words(value: float, ci95: tuple[float, float], shown: Callable[[float], str] = "{:.4g}".format) -> str:
-    """95 % interval of a value, `[0.10, 0.12]`; that of a parameter at a bound has one end, `(at most 0.12)`."""
+    """95 % interval of a value, `[0.10, 0.12]`; that of a parameter at a bound has one end, `(at its bound; at most
+    0.12)`."""
     low, high = ci95
     if low < high and value in ci95:
-        return f"(at most {shown(high)})" if value == low else f"(at least {shown(low)})"
+        return f"(at its bound; at most {shown(high)})" if value == low else f"(at its bound; at least {shown(low)})"
     return f"[{shown(low)}, {shown(high)}]"
 
 
@@ -230,9 +233,9 @@ class Said(Kinds, words=Words(FORMATS)):
         When(
             "average",
             (
-                " (",
+                " (over all ranges: ",
                 By("axis", {"up": "{average_share:.1%}"}, "{average_m_s2:.2f} m/s²"),
-                " on average)",
+                ")",
             ),
         ),
         When("stretches", ", {stretches:stretches}"),

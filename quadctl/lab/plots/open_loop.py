@@ -14,7 +14,7 @@ def open_loop_errors(models: Mapping[str, Sequence[OpenLoop]]) -> Figure:
     """Error of the predicted position of one or two models at each horizon, and of a constant velocity."""
     figure, ax = panel()
     held = next(iter(models.values()))
-    curves = {"velocity held": [e.held_position["total"] for e in held]}
+    curves = {"no model (constant velocity)": [e.held_position["total"] for e in held]}
     curves |= {legend_name(name): [e.position["total"] for e in errors] for name, errors in models.items()}
     for (name, ends), colour, marker in zip(curves.items(), (GREY, BEFORE, AFTER), "so^", strict=False):
         x = [e.horizon_s for e in held[: len(ends)]]

@@ -124,7 +124,7 @@ def open_loop_section(r: Results) -> Section | None:
         str(_told(c.open_loop).said),
         "Simulations with the model start at many instants of the flights. Their inputs are the logged attitude and "
         "rotor speeds; height and velocity are simulated. Brackets and error bars are 95% intervals. The grey line "
-        "(velocity held) is the baseline without a model: the velocity stays as it was at the start.",
+        "is without a model: the velocity stays as it was at the start.",
     ]
     names = flights_in_words(c.dataset.names)
     seen = {c.model.name: c.open_loop}
@@ -141,7 +141,15 @@ def open_loop_section(r: Results) -> Section | None:
         for name, errors in models.items():
             rows += _open_loop_rows(f"{name}, unseen data", errors)
     title = "Open-loop prediction over several seconds"
-    head = ["model", "after", "horizontal / m", "up / m", "position / m", "velocity / m/s", "velocity held / m"]
+    head = [
+        "model",
+        "after",
+        "horizontal / m",
+        "up / m",
+        "position / m",
+        "velocity / m/s",
+        "position, no model / m",
+    ]
     return Section(
         "open-loop",
         title,

@@ -63,7 +63,15 @@ def missing(r: Results) -> Section | None:
 def _diagnosis_text(d: Diagnosis, floor: float) -> list[Finding | Fact]:
     said: list[Finding | Fact] = [f for f in d.answer if f.kind not in (Kind.EFFECT, Kind.CONFOUNDED, Kind.NEXT_FLIGHT)]
     said += of_unseen(d.unseen, any_missing=True) if d.verdict == "missing" else []
-    said.append(fact(Answer.TRIED, tried=len(d.ranking), model=d.model.name, held_out=held_out(d.dataset)))
+    said.append(
+        fact(
+            Answer.TRIED,
+            tried=len(d.ranking),
+            fitted=sum(c.fitted for c in d.ranking),
+            model=d.model.name,
+            held_out=held_out(d.dataset),
+        )
+    )
     return [*said, *([fact(Answer.REFERENCE, floor_m_s2=floor)] if d.verdict == "missing" else [])]
 
 

@@ -16,4 +16,6 @@ class Value:
         return {"value": self.value, "ci95": [self.low, self.high]}
 
     def __str__(self) -> str:
-        return f"{self.value:.3g} [{self.low:.3g}, {self.high:.3g}]"
+        # What is a millionth of the interval is 0, which the solver has not quite reached.
+        least = 1e-6 * max(abs(self.low), abs(self.high))
+        return f"{self.value if abs(self.value) > least else 0.0:.3g} [{self.low:.3g}, {self.high:.3g}]"

@@ -66,7 +66,7 @@ def _thrust(found: Rotation) -> list[str]:
         lines.append(f"Rotor lag by roll and pitch: {_shown(found.lag)} s{behind}.")
     if found.thrust.found is not None and not found.measured:
         by = "output times voltage" if found.thrust.by_voltage else kind
-        lines.append(f"Thrust map: 1 % more {by} gives {_shown(found.thrust.found)} % of the weight more thrust.")
+        lines.append(f"Thrust map: 1 % more {by} raises the thrust by {_shown(found.thrust.found)} % of the weight.")
     drags = {name: fit.values["drag_1_s"] for name, fit in found.drag.items() if fit.white}
     if drags:
         said = ", ".join(f"{name} = {_shown(value)} 1/s" for name, value in drags.items())
@@ -79,11 +79,10 @@ def _unbalanced(found: Rotation) -> list[str]:
     lines = []
     half = found.share_half
     if half is not None and np.all(np.isfinite(half)):
+        differ = any(abs(s - 1) > h for s, h in zip(found.share, half, strict=True))
+        causes = "; causes may be unequal rotors, a centre of mass off the middle, or wind" if differ else ""
         own = ", ".join(f"{100 * (s - 1):+.1f} ± {100 * h:.1f} %" for s, h in zip(found.share, half, strict=True))
-        lines.append(
-            f"Rotor commands relative to their mean: {own}; caused by unequal rotors, a centre of mass off the middle, "
-            "or wind."
-        )
+        lines.append(f"Rotor commands relative to their mean: {own}{causes}.")
     if found.centre_m:
         off = ", ".join(
             f"{name} {1e3 * v.value:.3g} [{1e3 * v.low:.3g}, {1e3 * v.high:.3g}] mm"

@@ -144,7 +144,8 @@ class Diagnosis(Result):
             families = [simplest.family for simplest, *_ in self.small]
             found = [Finding(Kind.ONLY_SMALL, {"families": families}), *self._of_small]
         else:
-            found = [Finding(Kind(self.verdict), {"families": self.missing} if self.missing else {})]
+            facts = {"families": self.missing, "alternatives": self._alternatives} if self.missing else {}
+            found = [Finding(Kind(self.verdict), facts)]
         found += [Finding(Kind.EFFECT, parameters_of(c.effect, c.ci95)) for c in self.chosen]
         if len(self.steps) > 1:
             before, after = self.steps[0].rmse["total"], self.steps[-1].rmse["total"]
@@ -153,14 +154,33 @@ class Diagnosis(Result):
             found.append(Finding(Kind.ERROR_LEFT, {"rmse": self.steps[0].rmse["total"]}))
         if self.verdict == "missing" and self.unexplained:
             found.append(Finding(Kind.PART_UNEXPLAINED))
-        confounded: dict[str, list[str]] = {}
-        for family, other in self.confounded:
-            confounded.setdefault(family, []).append(other)
-        found += [Finding(Kind.CONFOUNDED, {"family": f, "others": others}) for f, others in confounded.items()]
+        found += [
+            Finding(Kind.CONFOUNDED, {"family": f, "others": others})
+            for f, others in self._alternatives.items()
+            if others
+        ]
         found += self.apart
         if self.suggested_mission:
             found.append(Finding(Kind.NEXT_FLIGHT, {"mission": self.suggested_mission}))
         return found
+
+    @property
+    def _alternatives(self) -> dict[str, list[str]]:
+        """Families that these data do not distinguish from each that is missing; empty where all are distinguished."""
+        if not self.confounded:
+            return {}
+        alternatives: dict[str, list[str]] = {family: [] for family in self.missing}
+        for family, other in self.confounded:
+            alternatives.setdefault(family, []).append(other)
+        return alternatives
+
+    @property
+    def considered(self) -> list[Candidate]:
+        """Candidates beside those that are missing which the data support, or do not distinguish from one that is."""
+        missing = {c.effect.name for c in self.chosen}
+        alike = {other for _, other in self.confounded}
+        rest = [c for c in self.ranking if c.effect.name not in missing]
+        return [c for c in rest if is_supported(c) or c.family in alike]
 
     @property
     def notes(self) -> list[Finding]:
@@ -202,15 +222,15 @@ class Diagnosis(Result):
 
     def __rich__(self) -> RenderableType:
         missing = {step.effect for step in self.steps}
-        supported = [c for c in self.ranking if c.effect.name in missing or is_supported(c)]
+        supported = [*self.chosen, *self.considered]
         title = (
-            "Missing (*), in the order of adding; then other supported effects"
+            "Missing (*), in the order of adding; then what would explain as much"
             if self.missing
             else "Significant alone, but they do not explain the error that is left"
         )
         tables = [_table(title, supported, missing)] if supported else []
         rest = len(self.ranking) - len(supported)
-        more = f"Not supported: {count(rest, 'other effect')}; not tried: {len(self.untried)}. --all says why."
+        more = f"Not missing: {count(rest, 'other effect')}; not tried: {len(self.untried)}. --all says why."
         return Group(
             Text(on_terminal(_told(self.answer))),
             *([self.symbolic] if self.symbolic else []),

@@ -229,7 +229,7 @@ def name_of_file(model: Model) -> str:
 COMMANDS = (
     ("fly with it as the compensator", "quadctl fly MISSION --model {name}"),
     ("simulate the flight in a world with the same effects", "quadctl simulate MISSION --model {name} --hidden {name}"),
-    ("give it to the autopilot", "quadctl export {name} --to px4"),
+    ("give it to the autopilot", "quadctl export {name} --to px4 --link URL --apply"),
     ("compare it with a further flight", "quadctl compare {name} LOG"),
 )
 """Commands that use the model in the file `name`, each with its purpose."""

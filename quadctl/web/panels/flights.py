@@ -86,9 +86,7 @@ def _draw_log(do: Controls, log: OpenedLog, held_out: bool | None) -> None:
             return
         report = log.quality
         source = f"thrust from {report.thrust_source}" if report.thrust_source else "thrust unknown"
-        used = (
-            "" if log.flight is None else f", {log.flight.duration_s:.0f} s of them used (in the air, not beside gaps)"
-        )
+        used = "" if log.flight is None else f", {log.flight.duration_s:.0f} s used (in the air, without gaps)"
         tag("p", "muted", f"{report.duration_s:.0f} s{used}; {source}.")
         with ui.expansion("Quality report").props("dense"), tag("div", "scroll"):
             numbers = dict.fromkeys(("updates", "rate / Hz", "longest gap / s", "missing / %"), "number")

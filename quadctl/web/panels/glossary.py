@@ -43,11 +43,12 @@ GLOSSARY = {
         "An effect is called missing where its gain is significant (p below 0.01, for all effects tried together) "
         "and on one axis it either lowers the held-out error by more than 5% and explains more than 0.03 m/s² (root of "
         "the drop of the mean square), or explains more than 0.1 m/s² (1% of g). What is within the per-flight "
-        "bias of any flight is listed as not supported, unless it explains half of the error of an axis."
+        "bias of any flight is listed as not missing, unless it explains half of the error of an axis."
     ),
-    "tilt underestimated": (
+    "tilt error in acceleration": (
         "An attitude estimator that levels itself by its accelerometer shows too little lean while the vehicle "
-        "accelerates: the true lean is larger by this share. At its limit, the attitude in the log is doubtful."
+        "accelerates: the true lean is larger by this share, or smaller where it is negative. At its limit, the "
+        "attitude in the log is doubtful."
     ),
     "over seconds": (
         "Many estimators average their accelerometer over seconds: a long acceleration makes them wrong, also for "

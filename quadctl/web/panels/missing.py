@@ -10,7 +10,6 @@ from quadctl.lab.flights.dataset import Dataset
 from quadctl.lab.flights.flight import VARIABLE_NAMES
 from quadctl.lab.planning.suggestion import Suggestion
 from quadctl.lab.selection.candidate import Candidate
-from quadctl.lab.selection.rule import is_supported
 from quadctl.lab.selection.wording import reason_against, rival_of
 from quadctl.lab.words import Answer, in_words
 from quadctl.model import Model
@@ -25,7 +24,7 @@ from quadctl.web.session.findings import Diagnosed
 from quadctl.words import Fact, fact
 
 NOT_NEEDED = "Alternatives to the effects above, not needed beside them."
-NO_HELP = "Not significant, within the usual per-flight bias, or only with parameters that are physically impossible."
+NO_HELP = "Not significant, too small to matter, within the usual per-flight bias, or physically impossible."
 
 
 @dataclass(frozen=True)
@@ -54,7 +53,7 @@ class Candidates(Panel):
         missing = {candidate.effect.name for candidate in chosen}
         alike = {other: first for first, other in diagnosis.confounded}
         rest = [c for c in diagnosis.ranking if c.effect.name not in missing]
-        near = [c for c in rest if is_supported(c) or c.family in alike]
+        near = diagnosis.considered
         others = [c for c in rest if c not in near]
         if chosen:
             several = (
@@ -67,7 +66,7 @@ class Candidates(Panel):
                     self._draw_card(do, found, candidate, looks, primary=i == 0)
         for title, text, group in (
             ("Other forms and confounded effects", NOT_NEEDED, near),
-            ("Not supported by these data", NO_HELP, others),
+            ("Not missing", NO_HELP, others),
         ):
             if group:
                 more = ui.expansion(f"{title} ({len(group)})", caption=text).classes("more")
@@ -121,7 +120,7 @@ class Candidates(Panel):
                         tag(
                             "figcaption",
                             "muted",
-                            f"{sketch.component} over {VARIABLE_NAMES[sketch.variable]}: residual without bias",
+                            f"{sketch.component} over {VARIABLE_NAMES[sketch.variable]}: residual, bias removed",
                         )
                 with tag("div", "grow"):
                     tag("h3", "", plain(candidate.family).capitalize())
@@ -129,7 +128,8 @@ class Candidates(Panel):
                     if candidate.fitted:
                         with tag("div", "numbers"):
                             error = f"held-out {ERRORS[candidate.measure]}"
-                            tag("span", "fall", f"{change_in_words(candidate.held_out_drop)} {error}")
+                            along = f"({change_in_words(candidate.largest_drop)} {candidate.axis})"
+                            tag("span", "fall", f"{change_in_words(candidate.held_out_drop)} {error} {along}")
                             tag("span", "muted", f"p {p_in_words(candidate.p_value)}")
             tag("p", "", candidate.effect.physics)
             if candidate.fitted:

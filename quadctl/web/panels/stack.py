@@ -33,8 +33,8 @@ NUISANCES = {
     "pitch_rad": ("pitch", np.degrees(1.0), "°"),
     "height_m": ("height", 1000.0, "mm"),
     "delay_s": ("rotor signal delay", 1000.0, "ms"),
-    "levelling": ("tilt underestimated", 100.0, "%"),
-    "slow_levelling": ("tilt underestimated, 3 s mean", 100.0, "%"),
+    "levelling": ("tilt error in acceleration", 100.0, "%"),
+    "slow_levelling": ("tilt error in acceleration, 3 s mean", 100.0, "%"),
     "attitude_delay_s": ("attitude delay", 1000.0, "ms"),
 }
 """Name, factor and unit of each nuisance parameter that acts on the acceleration, for a table."""

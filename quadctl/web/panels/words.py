@@ -34,7 +34,7 @@ class Said(Kinds, words=_WORDS):
     NO_ACCELERATION_IS_CLOSER = (
         "A prediction of zero would be closer here: the measured acceleration is {moves_m_s2:m/s²} {axis} (RMS)."
     )
-    APART = "What is fitted to each flight by itself differs beside that: {differences:listed}."
+    APART = "Parameters that are fitted to each flight separately also differ: {differences:listed}."
     APART_BY = "{name} by {least}{size:.2g}{unit}"
     AT_LIMIT = "Per-flight bias at its bound: {nuisances:listed}."
     OF_FLIGHTS = "{name} ({flights:listed})"

@@ -6,10 +6,11 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from quadctl.errors import QuadctlError, SettingsError
-from quadctl.lab.comparison.wording import ended, listed, plain, quantity
+from quadctl.lab.comparison.wording import ended, listed, quantity
 from quadctl.lab.evaluation import Evaluation, errors_of
 from quadctl.lab.selection.refit import Refit
 from quadctl.lab.study import Study
+from quadctl.lab.words import in_words
 from quadctl.model import Model
 from quadctl.web.session.files import keep_expression
 from quadctl.web.session.findings import Diagnosed, Findings
@@ -303,16 +304,7 @@ class Analysis(Desk):
         found = self.results.found
         if found is None or model != self.session.model or self.message is not None:
             return
-        missing = [plain(family) for family in found.diagnosis.missing]
-        if missing:
-            said = f"missing: {listed(missing)}"
-        elif found.diagnosis.verdict == "unexplained":
-            said = "something is missing that no known effect explains"
-        elif found.diagnosis.verdict == "small":
-            said = f"measured, but small: {listed([plain(group[0].family) for group in found.diagnosis.small])}"
-        else:
-            said = "no further effect is missing"
-        self.say("found", f"The search has ended: {said}. See What is missing.")
+        self.say("found", f"The search has ended. {in_words(found.diagnosis.answer[0])} See What is missing.")
 
     async def suggest(self) -> None:
         found = self.results.found

@@ -118,6 +118,8 @@ def test_the_stack_on_the_page_shows_value_and_interval_with_the_same_digits() -
 def test_a_parameter_at_a_bound_has_one_end() -> None:
     drag = LinearDrag(0.3, 0.0, 3.0)
     ci95 = {"d_x": (0.2, 0.4), "d_y": (0.0, 0.12), "d_z": (2.5, 3.0)}
-    expected = "d_x = 0.3 [0.2, 0.4], d_y = 0 (at most 0.12), d_z = 3 (at least 2.5)"
+    expected = (
+        "d_x = 0.3 1/s [0.2, 0.4], d_y = 0 1/s (at its bound; at most 0.12), d_z = 3 1/s (at its bound; at least 2.5)"
+    )
     assert parameters_in_words(parameters_of(drag, ci95)["parameters"]) == expected
-    assert "d_y = 0 1/s (at most 0.12)" in parameters_in_text(drag, ci95)
+    assert "d_y = 0 1/s (at its bound; at most 0.12)" in parameters_in_text(drag, ci95)
