@@ -36,7 +36,7 @@ test-long-flights: $(INSTALLED)
 	$(FLIGHTS) -m long || $(FLIGHTS) -m long $(AGAIN)
 
 # Three at once: a browser is often waited for. What shares a server, or flights, runs in one process; a test may
-# wait for flights in real time, which it gives way to.
+# wait for flights in real time, which it gives way to, and those of pages come last.
 test-long-computing: $(INSTALLED)
 	nice -n 10 $(BIN)/python -m pytest -m "long and not real" -n 3 --dist loadscope --no-loadscope-reorder --ignore=tests/realtime --timeout 1200
 

@@ -43,8 +43,15 @@ LONG = (
 """Files that take longest: they begin first, lest one of them alone keeps all others waiting at the end."""
 
 
+def _place(item: pytest.Item) -> tuple[bool, int]:
+    """Place in the order of all tests. Long ones of pages come last: CI begins with flights beside, which are above all
+    else in priority, and a page that waits for its processor does not answer in time."""
+    is_page = item.path.parent.name == "web" and item.get_closest_marker("long") is not None
+    return is_page, LONG.index(item.path.stem) if item.path.stem in LONG else len(LONG)
+
+
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    items.sort(key=lambda item: LONG.index(item.path.stem) if item.path.stem in LONG else len(LONG))
+    items.sort(key=_place)
     again = pytest.mark.flaky(reruns=AGAIN, condition=lambda: witness().stood_still())
     for item in items:
         if item.get_closest_marker("realtime"):

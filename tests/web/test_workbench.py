@@ -20,8 +20,8 @@ from quadctl.cli import app
 from quadctl.effects.ground_effect import Exponential, Hayden
 from quadctl.effects.thrust_scale import ConstantScale
 from quadctl.errors import QuadctlError, SettingsError
-from quadctl.lab.evaluation import Evaluation, errors_of
 from quadctl.lab import finding as lab_finding
+from quadctl.lab.evaluation import Evaluation, errors_of
 from quadctl.lab.flights.dataset import Dataset, load_dataset
 from quadctl.lab.flights.preparation import MAX_BANDWIDTH_HZ
 from quadctl.lab.selection.diagnosis import diagnose
