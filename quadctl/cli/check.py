@@ -78,14 +78,14 @@ def check(
         Path | None,
         Reads(),
         typer.Option(
-            "--log", metavar="LOG", help="Compare parameters and the attitude's lag with those of an earlier flight."
+            "--log", metavar="LOG", help="Compare autopilot parameters and attitude lag with an earlier flight."
         ),
     ] = None,
     json_out: JsonOption = None,
 ) -> None:
     """Check whether a mission may be flown.
 
-    Mission, vehicle, compensator and limits are checked, and with --link the autopilot.
+    Mission, vehicle, compensator (--model) and limits are checked, and with --link the autopilot.
     """
     from quadctl.flight.autopilot.ports import resolve
     from quadctl.flight.preflight.attitude import compare_with_log

@@ -31,7 +31,7 @@ def export(
         Reads(),
         typer.Argument(
             metavar="MODEL.yaml",
-            help="Fitted model, as add and discover write it, or errors of sensors, as diagnose does.",
+            help="Fitted model (of add, discover), or sensor errors (of diagnose --sensors -o).",
             callback=find,
         ),
     ],

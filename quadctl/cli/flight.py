@@ -96,7 +96,7 @@ RestoreOption = Annotated[
     bool,
     typer.Option(
         "--restore-params",
-        help="Undo the parameter changes that an interrupted flight with --set-params left (kept in --log-dir).",
+        help="Restore the parameters that an interrupted flight with --set-params changed (old values: --log-dir).",
     ),
 ]
 
@@ -131,7 +131,7 @@ def fly(
         str | None, typer.Option("--link", metavar="URL", help="auto, udpin://..., serial:///dev/...:BAUD")
     ] = None,
     sitl: Annotated[
-        bool, typer.Option("--sitl", help="Fly quadctl's own simulated autopilot over MAVLink, in real time.")
+        bool, typer.Option("--sitl", help="Fly quadctl's own simulated autopilot (no firmware) in real time.")
     ] = False,
     autopilot: Annotated[
         Simulated | None,

@@ -50,7 +50,7 @@ ModelAndLogs = Annotated[
     typer.Argument(
         metavar="MODEL.yaml LOG...",
         help="Model file, or a vehicle file, which is a model without effects; then flight logs: "
-        f"{', '.join(suffixes())}. With --sensors logs alone.",
+        f"{', '.join(suffixes())}. With --sensors: only logs.",
         callback=find_first,
     ),
 ]
@@ -89,7 +89,8 @@ UnseenOption = Annotated[
 RolloutsOption = Annotated[
     bool,
     typer.Option(
-        "--rollouts", help="Forecast the whole state from commands, on parts that no fit saw; takes a minute and more."
+        "--rollouts",
+        help="Forecast the whole state from commands, on held-out parts of the logs; takes a minute or more.",
     ),
 ]
 JobsOption = Annotated[
@@ -303,8 +304,8 @@ def fit(
 ) -> None:
     """Refit all parameters of a model.
 
-    The lag of the attitude is found, too, and the change of the held-out error is printed. From a vehicle file without
-    effects only the lag is found: `discover` finds its effects.
+    The lag of the attitude is found, too, and the change of the held-out error is printed. From a vehicle file
+    only the lag is found; `discover` finds missing effects.
     """
     from quadctl.lab.tracking.attitude_response import attitude_response, with_response
     from quadctl.logs.read import read_log
@@ -437,10 +438,9 @@ def metrics(
 ) -> None:
     """Measure the tracking errors of a step.
 
-    M_A is the integral of the error, M_B that of the difference from the reference
-    flight. Also MAE and RMSE.
+    M_A is the integral of the error (signed, absolute), M_B that of the difference from --reference. Also MAE and RMSE.
 
-    The window is --from and --to, or --phase, or the phases named 'step'; without phases, the step found in the log.
+    The window: --from and --to; else --phase; else the phases named 'step'; else the step found in the log.
     """
     from quadctl.lab.tracking.metrics import Window
     from quadctl.lab.tracking.metrics import metrics as run

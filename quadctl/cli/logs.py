@@ -44,7 +44,7 @@ def inspect_logs(
 ) -> None:
     """Tell whether flight logs can be analysed, and convert them.
 
-    True update rates, gaps and clock are shown.
+    True update rates, gaps and clock errors are shown.
     """
     from quadctl.logs.convert import convert
     from quadctl.logs.quality import quality

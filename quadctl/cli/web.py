@@ -26,7 +26,7 @@ def lab_page(
         Path | None, Reads(), typer.Option("--session", metavar="FILE", help="Continue a saved session.")
     ] = None,
     anew: Annotated[
-        bool, typer.Option("--new", help="Begin a new session, even where DIR holds one of these logs.")
+        bool, typer.Option("--new", help="Begin a new session, even where --out holds a session of these logs.")
     ] = False,
     out: Annotated[
         Path, WritesInto(), typer.Option("--out", metavar="DIR", help="Folder for all that is saved.")
@@ -40,7 +40,7 @@ def lab_page(
 ) -> None:
     """Find what a model is missing, on a page in the browser.
 
-    Without logs, or with those of the session saved in DIR, that session is continued.
+    Without logs, or with the logs of the session in --out, that session is continued.
     """
     from quadctl.web.work.worker import prepare_workers
 
