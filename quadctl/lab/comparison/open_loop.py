@@ -72,11 +72,14 @@ class OpenLoop:
         }
 
 
+_TITLE = "Open-loop prediction, error (RMSE) / m, m/s (no model: position at constant velocity)"
+
+
 def open_loop_table(by_horizon: Sequence[OpenLoop]) -> Table:
     """Table of the errors of position and velocity, with those of a constant velocity for comparison."""
-    table = Table(title="Open-loop prediction, error (RMSE) / m, m/s", title_justify="left")
+    table = Table(title=_TITLE, title_justify="left")
     table.add_column("after", no_wrap=True)
-    for name in ("horizontal", "up", "position [95 %]", "velocity", "position, no model"):
+    for name in ("horizontal", "up", "position [95 %]", "velocity", "no model"):
         table.add_column(name, justify="right", no_wrap=True)
     for e in by_horizon:
         parts = (e.position["horizontal"], e.position["up"])
