@@ -375,9 +375,10 @@ class TestDiscover:
             assert item.fitted is not None
             assert entry["effect"] == item.effect.name
             assert entry["p_value"] == found.p_values[item.effect.family()] < 0.01
+            units = {p.name: f" {p.unit}" if p.unit else "" for p in item.effect.parameters()}
             for name, (low, high) in item.fitted.ci95.items():
                 value = item.effect.values()[name]
-                assert f"{name} = {value:.4g} [{low:.4g}, {high:.4g}]" in text
+                assert f"{name} = {value:.4g}{units[name]} [{low:.4g}, {high:.4g}]" in text
                 assert low < entry["parameters"][name] < high
         assert max(map(len, text.splitlines())) <= 80
 
