@@ -45,6 +45,14 @@ PRIORITY = 10
 """Priority under SCHED_FIFO: above all ordinary processes, below the flight's."""
 
 
+def put_first() -> None:
+    """Put this thread before all ordinary ones, where it is permitted: a real autopilot, and its cable, share no
+    computer with the flight."""
+    if hasattr(os, "sched_setscheduler"):
+        with contextlib.suppress(OSError):
+            os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(PRIORITY))
+
+
 class ReceivedSetpoint(NamedTuple):
     """A SET_ATTITUDE_TARGET as it arrived, with the time of `time.monotonic`."""
 
@@ -187,10 +195,7 @@ class MavlinkMock(ABC):
     # --- time --------------------------------------------------------------------------------------------------
 
     def _run(self) -> None:
-        # A real autopilot has a computer of its own: where it is permitted, nothing else holds this thread up.
-        if hasattr(os, "sched_setscheduler"):
-            with contextlib.suppress(OSError):
-                os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(PRIORITY))
+        put_first()
         try:
             self._live()
         except BaseException as error:  # kept for the thread that stops this one

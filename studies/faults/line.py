@@ -4,7 +4,6 @@ import contextlib
 import heapq
 import itertools
 import multiprocessing
-import os
 import random
 import selectors
 import socket
@@ -14,9 +13,9 @@ from multiprocessing.connection import Connection
 from types import TracebackType
 from typing import Self
 
+from quadctl.sitl.server.server import put_first
+
 HOST = "127.0.0.1"
-PRIORITY = 10
-"""Priority under SCHED_FIFO, that of the simulated autopilot: a cable waits for nobody."""
 _PROCESSES = multiprocessing.get_context("spawn")
 
 
@@ -153,9 +152,7 @@ def _serve(
     flight_port: int,
     orders: "Connection[object, tuple[Troubles, Troubles] | None]",
 ) -> None:
-    if hasattr(os, "sched_setscheduler"):
-        with contextlib.suppress(OSError):
-            os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(PRIORITY))
+    put_first()
     _Carrier(autopilot_end, flight_end, flight_port).carry(orders)
 
 
