@@ -121,7 +121,7 @@ architecture: $(INSTALLED)
 
 # Pictures of the lab page (docs/lab-page.md) and of the live view, at both sizes, light and dark, in build/screenshots, and how fast the page is; needs Chromium.
 screenshots: $(INSTALLED)
-	SCREENSHOTS=all $(BIN)/python -m pytest tests/web/test_lab_page.py tests/web/test_analysed_flight.py tests/web/test_further_flights.py tests/web/test_view_page.py -s
+	SCREENSHOTS=all $(BIN)/python -m pytest tests/web/test_lab_page.py tests/web/test_analysed_flight.py tests/web/test_further_flights.py tests/realtime/test_view_page.py -s
 
 # Flies real autopilots that are there and prints a table: make sitl-check PX4=DIRECTORY ARDUPILOT=DIRECTORY [FRAME=hexa] (or LINK=URL).
 sitl-check: export QUADCTL := $(abspath $(BIN))/quadctl

@@ -37,7 +37,7 @@ def witness() -> Witness:
 
 LONG = (
     *("test_link_delay", "test_autopilots", "test_faults", "test_texts", "test_full_actuation", "test_sitl_commands"),
-    *("test_analysed_flight", "test_lab_page", "test_view_page", "test_further_flights", "test_lab", "test_report"),
+    *("test_view_page", "test_analysed_flight", "test_lab_page", "test_further_flights", "test_lab", "test_report"),
     *("test_panels", "test_fitter", "test_rotation", "test_dynamics", "test_cli", "test_forecast", "test_ground_curve"),
 )
 """Files that take longest: they begin first, lest one of them alone keeps all others waiting at the end."""

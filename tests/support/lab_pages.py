@@ -1,4 +1,4 @@
-"""Tools for tests of the lab page: the command that serves it, its parts, and the steps of its ladder."""
+"""Tools for tests of the lab page: the command that serves it, its parts, and the steps of its model sequence."""
 
 import subprocess
 from collections.abc import Iterator
@@ -29,9 +29,8 @@ def served(out: Path, *arguments: str, port: int | None = None) -> Iterator[tupl
 
 
 def stand_on(visitor: Visitor, step: str) -> None:
-    """Go to a step of the ladder, if the page does not stand there already."""
+    """Go to a step of the model sequence, if the page does not stand there already."""
     here = f".step.here:has-text('{step}')"
     if not visitor.page.locator(here).count():
-        visitor.click(f".step-button:has-text('{step}')")
-        visitor.sees(here)
+        visitor.clicks_until_it_sees(here, f".step-button:has-text('{step}')")
     visitor.waits_until_done()

@@ -12,7 +12,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 import pytest
@@ -37,6 +37,8 @@ on_each_screen = pytest.mark.parametrize("screen", SCREENS)
 MOST_SCREENS = {False: 2.0, True: 4.0}
 """Most screens that a report with its details folded may fill, by whether it is read on a telephone."""
 PATIENCE_MS = 120_000.0
+CLICKS = 4
+"""Most clicks for one thing, each with its share of the patience."""
 expect.set_options(timeout=PATIENCE_MS)
 IN_DOCS = {
     "2-missing-desk-light": "lab-page-see.png",
@@ -152,8 +154,17 @@ class Visitor:
         self.clicks += 1
         self.page.locator(selector).first.click()
 
+    def clicks_until_it_sees(self, sought: str, selector: str) -> None:
+        """Click again, as a person does, where a click was lost on a button that was drawn again at that moment."""
+        seen = self.page.locator(sought).first
+        for _ in range(CLICKS):
+            self.click(selector)
+            with suppress(sync_api.TimeoutError):
+                return seen.wait_for(timeout=PATIENCE_MS / CLICKS)
+        raise AssertionError(f"{CLICKS} clicks on {selector} do not lead to {sought}")
+
     def press(self, selector: str) -> None:
-        """The same with the keyboard."""
+        """Click with the keyboard."""
         self.clicks += 1
         self.page.locator(selector).first.focus()
         self.page.keyboard.press("Enter")

@@ -145,8 +145,26 @@ class TestHistory:
 def test_only_a_second_press_in_time_lands() -> None:
     button = LandButton()
     assert not button.press(10.0)
-    assert not button.press(10.1 + CONFIRM_S)
-    assert button.press(10.2 + CONFIRM_S)
+    button.asks(10.1)
+    assert button.waits(10.0 + CONFIRM_S)
+    assert not button.press(10.2 + CONFIRM_S)
+    assert button.press(10.3 + CONFIRM_S)
+
+
+def test_a_slow_browser_leaves_as_much_time_for_the_second_press() -> None:
+    button = LandButton()
+    button.press(10.0)
+    assert button.waits(11.0 + CONFIRM_S)
+    button.asks(12.0 + CONFIRM_S)
+    assert button.press(12.0 + 2.0 * CONFIRM_S)
+
+
+def test_what_is_asked_after_the_vehicle_landed_asks_for_no_press() -> None:
+    button = LandButton()
+    button.press(10.0)
+    assert button.press(10.5)
+    button.asks(11.0)
+    assert not button.waits(11.0)
 
 
 class TestCommand:

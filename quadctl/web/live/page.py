@@ -144,10 +144,14 @@ class LivePage:
         """Refresh, and wait until the browser has drawn: otherwise updates would queue up in a slow one."""
         began = time.monotonic()
         self._refresh()
-        with suppress(TimeoutError):
-            await ui.run_javascript(_DRAWN, timeout=SLOW_S)
+        await self._drawn()
         # As long again for whatever else this machine has to do, a flight for example.
         await asyncio.sleep(time.monotonic() - began)
+
+    async def _drawn(self) -> None:
+        """Wait until the browser has drawn, but not longer than `SLOW_S`."""
+        with suppress(TimeoutError):
+            await ui.run_javascript(_DRAWN, timeout=SLOW_S)
 
     def _refresh(self) -> None:
         history = self._history
@@ -218,14 +222,16 @@ class LivePage:
 
     # --- landing ------------------------------------------------------------------------------------------------------
 
-    def _key(self, event: KeyEventArguments) -> None:
+    async def _key(self, event: KeyEventArguments) -> None:
         if event.action.keydown and not event.action.repeat and str(event.key).lower() == LAND_KEY:
-            self._press()
+            await self._press()
 
-    def _press(self) -> None:
+    async def _press(self) -> None:
         if self._history.can_land and self._button.press(time.monotonic()):
             self._viewing.land()
         self._show_land()
+        await self._drawn()
+        self._button.asks(time.monotonic())
 
     def _show_land(self) -> None:
         title, hint, kind = self._land_button().value

@@ -29,7 +29,7 @@ from tests.support.visitors import (
     status,
 )
 
-pytestmark = needs_chromium
+pytestmark = [needs_chromium, pytest.mark.realtime]
 
 TOKEN = "a-token-of-the-test"
 SMALL = {"width": 320, "height": 320}
