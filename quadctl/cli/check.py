@@ -54,8 +54,8 @@ def check(
         Reads(),
         typer.Argument(
             metavar="[VEHICLE.yaml] MISSION",
-            help="Mission file or name (figure8), optionally preceded by a vehicle file, which otherwise comes from "
-            "the model or the configuration.",
+            help="Mission file or name (figure8). Without a vehicle file before it, the vehicle is that of --model or "
+            "of the configuration.",
             callback=_found,
         ),
     ],

@@ -96,7 +96,7 @@ RestoreOption = Annotated[
     bool,
     typer.Option(
         "--restore-params",
-        help="Restore the parameters that an interrupted flight with --set-params changed (old values: --log-dir).",
+        help="Restore the parameters that an interrupted `fly --set-params` changed, from its file in --log-dir.",
     ),
 ]
 

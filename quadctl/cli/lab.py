@@ -70,8 +70,8 @@ NestedOption = Annotated[
     bool,
     typer.Option(
         "--nested",
-        help="Nested cross-validation: repeat the whole search without each part of the data, and test it there; "
-        "several times slower.",
+        help="Nested cross-validation: leave out each part of the data in turn, search in the rest, and test what "
+        "is found on the part; several times slower.",
     ),
 ]
 AllOption = Annotated[
@@ -90,7 +90,8 @@ RolloutsOption = Annotated[
     bool,
     typer.Option(
         "--rollouts",
-        help="Forecast the whole state from commands, on held-out parts of the logs; takes a minute or more.",
+        help="Fit a model of the whole state to a part of the logs, and forecast the rest from its commands; takes a "
+        "minute or more.",
     ),
 ]
 JobsOption = Annotated[
@@ -145,7 +146,7 @@ def diagnose(
         typer.Option(
             "--save-expression",
             metavar="FILE.py",
-            help="Save the formula found for an unexplained residual as an effect file.",
+            help="If the residual is unexplained and a formula for it is found: save that as an effect file.",
         ),
     ] = None,
     sensors: SensorsOption = False,
@@ -302,9 +303,9 @@ def fit(
     hold_out: HoldOutOption = "blocks",
     unseen: UnseenOption = None,
 ) -> None:
-    """Refit all parameters of a model.
+    """Refit the parameters of a model.
 
-    The lag of the attitude is found, too, and the change of the held-out error is printed. From a vehicle file
+    The lag of the attitude is found, too, and the change of the held-out error is printed. For a vehicle file
     only the lag is found; `discover` finds missing effects.
     """
     from quadctl.lab.tracking.attitude_response import attitude_response, with_response
@@ -438,7 +439,8 @@ def metrics(
 ) -> None:
     """Measure the tracking errors of a step.
 
-    M_A is the integral of the error (signed, absolute), M_B that of the difference from --reference. Also MAE and RMSE.
+    M_A is the integral of the error, M_B that of the error minus the error of --reference; both signed and absolute.
+    Also MAE and RMSE.
 
     The window: --from and --to; else --phase; else the phases named 'step'; else the step found in the log.
     """

@@ -40,7 +40,7 @@ def lab_page(
 ) -> None:
     """Find what a model is missing, on a page in the browser.
 
-    Without logs, or with the logs of the session in --out, that session is continued.
+    If --out holds a session, it is continued, unless other logs are given.
     """
     from quadctl.web.work.worker import prepare_workers
 

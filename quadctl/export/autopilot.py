@@ -317,8 +317,8 @@ def _row(quantity: _Quantity, model: Model, dialect: Dialect) -> Row:
     if not items:
         *others, last = quantity.families
         names = f"{', '.join(others)} or {last}" if others else last
-        fit = f"quadctl add {quantity.families[0]} fits one to {quantity.flight}"
-        return row._replace(lacking=f"the model holds no {names}: {fit}")
+        fit = f"`quadctl add {quantity.families[0]}` fits one to {quantity.flight}"
+        return row._replace(lacking=f"the model holds no {names}; {fit}")
     if not any(item.fitted is not None and item.fitted.ci95 for item in items):
         return row._replace(lacking=f"the model's {items[0].effect.name} has no confidence intervals: {fly}")
     if quantity.divisor and (unbounded := _unbounded(quantity, items[0], model)):

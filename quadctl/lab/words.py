@@ -19,7 +19,7 @@ _VERDICTS: Mapping[Kind, Template] = {
     Kind.NONE: "No known effect is missing: none reduces the held-out error enough to matter",
     Kind.UNEXPLAINED: "Something is missing that no known effect explains",
     Kind.LITTLE_UNEXPLAINED: "A little is left that no known effect explains",
-    Kind.NOTHING_SIGNIFICANT: "Nothing significant is missing",
+    Kind.NOTHING_SIGNIFICANT: "No missing effect is found",
     Kind.NONE_BUT_MORE_THAN_NOISE: "No known effect is missing, but not all of the error is noise",
     Kind.NONE_BUT_LARGER_HELD_OUT: "No known effect is missing in {flights:flights}; the held-out error is larger",
     Kind.NONE_BUT_FITTED_TO_HELD_OUT: "No further effect is missing, but the model is fitted to {flights:list}, "
@@ -36,12 +36,12 @@ TEMPLATES: Mapping[Kind, Template] = {
     Kind.PART_UNEXPLAINED: "Part of the remaining error depends on the logged variables; no known effect explains it.",
     Kind.CONFOUNDED: "{family:Family} or {others:others}: these data do not distinguish them.",
     Kind.FLIGHTS_DIFFER: "The flights differ in {parameter} of {effect} (p {p:p}): {flights:parameters}.",
-    Kind.NEXT_FLIGHT: "A flight to tell more: {mission}; `quadctl suggest` simulates all missions and ranks them.",
+    Kind.NEXT_FLIGHT: "Next flight: {mission}; `quadctl suggest` simulates all missions and ranks them.",
     Kind.UNSEEN_BY_CHOICE: "On data that neither the fit nor the choice of effects has seen: {before:number} → "
     "{after:m/s²} on {data} ({searches} searches; {found:counts}).",
     Kind.SEEN_BY_CHOICE: "The effects were chosen by these same held-out errors, which may thus be too small: "
     "--nested tests that, several times slower.",
-    Kind.WHOLE_FLIGHTS: "With whole flights held out: {before:number} → {after:m/s²}.",
+    Kind.WHOLE_FLIGHTS: "With whole flights held out, per-flight bias not removed: {before:number} → {after:m/s²}.",
     Kind.PART_SEARCHED: "The search used {searched} of {all} samples, in stretches spread over the flights: errors are "
     "of these, parameters of what is missing of all samples.",
     Kind.SMALL: (
@@ -159,7 +159,7 @@ class Answer(Kinds, words=_WORDS):
     NO_LARGER = "It is no larger than the per-flight biases of any real vehicle."
     NOT_SUPPORTED = "The held-out data do not support it."
     NOTE = "Note: {remark}."
-    AS_AT_STEP = "The search refits the model to these flights; the error at the top is of the model as it stands."
+    AS_AT_STEP = "The search refits the model to these flights; the error of the model as it stands is another one."
     NO_FORM = "The residual depends on the logged variables, but no effect of the catalogue describes how."
     NONE_HELPS = "No effect of the catalogue reduces the held-out error enough to matter."
     FOR_FITTING = "{finding} The flights are those for fitting."

@@ -64,7 +64,7 @@ class ChannelQuality:
     median_interval_s: float
     longest_gap_s: float
     longest_gap_at_s: float
-    """When the longest interval without an update begins; NaN when there are not two updates."""
+    """Begin of the longest interval without an update; NaN when there are not two updates."""
     n_gaps: int
     """Intervals between updates longer than GAP_FACTOR median ones."""
     held_share: float

@@ -1,4 +1,4 @@
-"""Which poses may go to the autopilot: those that are numbers, new, fresh and possible."""
+"""Gate for the poses that may go to the autopilot: those that are numbers, new, fresh and possible."""
 
 import math
 from collections import deque

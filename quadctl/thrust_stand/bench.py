@@ -56,7 +56,7 @@ class Bench:
         self._schedule = schedule
         self._samples = _Samples([], [], [])
         self._commanded_s = math.inf
-        """When the motor was last told to run."""
+        """Time of the last command to run the motor."""
 
     async def run(self, measured: Callable[[Point], None]) -> None:
         """Tare the scale, then measure; `measured` gets each point and may raise to end it.

@@ -14,6 +14,7 @@ import struct
 import threading
 import time
 from abc import ABC, abstractmethod
+from collections import Counter
 from collections.abc import Callable, Iterator
 from contextlib import suppress
 from dataclasses import replace
@@ -86,8 +87,8 @@ class MavlinkMock(ABC):
         self.vision_poses_received: list[Message] = []
         self.vectors_received: list[Message] = []
         """VISION_POSITION_ESTIMATE messages as they arrived; the estimator does not use them."""
-        self.heartbeats_heard: set[tuple[int, int]] = set()
-        """System and MAV_TYPE of the heartbeats that arrived."""
+        self.heartbeats_heard: Counter[tuple[int, int]] = Counter()
+        """Number of the heartbeats that arrived, by system and MAV_TYPE."""
         self.origin: tuple[int, int, int] | None = None
         """Latitude and longitude, 1e-7 deg, and altitude, mm, of the origin that it was given."""
         self._station_heard_s = -math.inf
@@ -283,7 +284,7 @@ class MavlinkMock(ABC):
                 handler(message)
 
     def _hear_heartbeat(self, message: Message) -> None:
-        self.heartbeats_heard.add((message.get_srcSystem(), message.type))
+        self.heartbeats_heard[message.get_srcSystem(), message.type] += 1
         if message.type == mavlink.MAV_TYPE_GCS:
             self._station_heard_s = self.autopilot.time_s
         self.autopilot.hear_heartbeat(message.get_srcSystem())

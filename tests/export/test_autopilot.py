@@ -170,8 +170,8 @@ def test_what_the_model_does_not_hold_is_named_with_the_command_and_a_flight_tha
 ) -> None:
     rows = rows_of(Model(raptor))
     assert all(row.estimate is None for row in rows.values())
-    fits = "quadctl add rotor_drag fits one to runs at several speeds, such as missions/forward_runs.yaml"
-    assert rows["EKF2_MCOEF"].lacking == f"the model holds no rotor_drag: {fits}"
+    fits = "`quadctl add rotor_drag` fits one to runs at several speeds, such as missions/forward_runs.yaml"
+    assert rows["EKF2_MCOEF"].lacking == f"the model holds no rotor_drag; {fits}"
     with pytest.raises(SettingsError, match="no parameter of PX4 follows"):
         parameter_file(list(rows.values()), PX4, "rigid.yaml")
 

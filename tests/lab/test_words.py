@@ -84,7 +84,7 @@ def test_no_fact_of_a_template_is_optional() -> None:
 
 
 def test_a_verdict_may_hold_only_if_it_was_that_vehicle(raptor: Vehicle) -> None:
-    said = "Nothing significant is missing, if the vehicle is raptor (1.5 kg)."
+    said = "No missing effect is found, if the vehicle is raptor (1.5 kg)."
     assert in_words(Finding(Kind.NOTHING_SIGNIFICANT), raptor) == said
 
 

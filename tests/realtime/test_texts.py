@@ -36,10 +36,17 @@ def test_px4_tells_its_reasons_only_to_a_ground_station_and_in_chunks() -> None:
             asyncio.run(link.adapter.arm())
 
 
+def test_two_heartbeats_of_ours_come_to_each_of_mavsdk() -> None:
+    with connected(SimulatedAutopilot(VEHICLE)) as link:
+        heard = link.px.heartbeats_heard
+        link.wait(lambda: heard[COMPANION] >= 4)  # MAVSDK's, once a second
+        assert heard[STATION] >= 6
+
+
 def test_ardupilot_hears_no_ground_station_whose_heartbeats_its_failsafe_could_take_for_ours() -> None:
     with connected(SimulatedCopter(VEHICLE)) as link:
         asyncio.run(link.pass_time(2.5))
-        assert link.px.heartbeats_heard == {COMPANION}
+        assert set(link.px.heartbeats_heard) == {COMPANION}
         link.px.autopilot.said.append((4, LONG))
         link.wait(lambda: [text.text for text in link.adapter.state().texts] == [LONG])
 

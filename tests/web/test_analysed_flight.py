@@ -263,7 +263,7 @@ def test_the_verdict_leads_to_its_evidence(visitor: Visitor) -> None:
     visitor.click("button[aria-label^='Evidence for ground_effect']")
     curve = "#evidence .js-plotly-plot[aria-label^='Ground effect over']"
     visitor.sees(f"{curve} .main-svg")
-    assert visitor.points(curve, "residual without it, mean ± 95%") > 5
+    assert visitor.points(curve, "residual without it, mean and 95% interval") > 5
     expect(visitor.page.locator("#evidence h2")).to_be_in_viewport()
     assert "why it lost" in visitor.sees("table.reasons")
     visitor.waits_until_all_is_drawn()

@@ -220,7 +220,7 @@ def test_a_newcomer_finds_the_missing_effect_and_flies_it_in_at_most_ten_clicks(
         visitor.resizes_a_figure_that_has_left()
         visitor.press("button[aria-label^='Add ground_effect']")
         after = visitor.waits_for_less_than(0.5 * before)
-        assert "Nothing significant is missing" in visitor.sees("#verdict[data-verdict=none]")
+        assert "No missing effect is found" in visitor.sees("#verdict[data-verdict=none]")
         visitor.keeps("3-added")
 
         visitor.click("[role=tab]:has-text('Compensator')")

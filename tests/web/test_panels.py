@@ -565,7 +565,7 @@ class TestOpenTab:
     def test_a_bar_says_where_its_error_is_of_a_model_as_it_stands(
         self, views: dict[str, View], tabs: Callable[[str, View], OpenTab]
     ) -> None:
-        said = "as it stands, not fitted to all of these flights"
+        said = "as it stands, fitted to other flights or none"
         assert said not in str(tabs("missing", views["at first"]).shown)
         assert str(tabs("missing", views["an error as the model stands"]).shown).count(said) == 1
 
@@ -725,9 +725,9 @@ class TestOpenTab:
         whole = replace(view.opened.seen, hold_out="flights")
         found = Study(view.session.model, whole).evaluate()
         there = replace(view, opened=replace(view.opened, seen=whole), results=Results(found))
-        assert str(kind_of(found)).endswith("per-flight bias included")
+        assert str(kind_of(found)).endswith("per-flight bias not removed")
         blocks, flights = (str(tabs("missing", each).shown) for each in (view, there))
-        assert " included: on held-out flights" in flights and " removed: on" not in flights
+        assert " not removed: on held-out flights" in flights and "bias removed: on" not in flights
         assert " removed: on held-out blocks" in blocks and " included" not in blocks
 
     def test_biases_at_their_limit_are_named_with_their_flights(self, views: dict[str, View]) -> None:
@@ -739,7 +739,7 @@ class TestOpenTab:
         optimum = replace(evaluation.solution.optimum, nuisances=nuisances)
         limited = replace(evaluation, solution=replace(evaluation.solution, optimum=optimum))
         (at_limit,) = at_limits(limited, None)
-        assert str(at_limit) == "Per-flight bias at its bound: thrust (1.csv)."
+        assert str(at_limit) == "The per-flight bias reaches its bound: thrust (1.csv)."
         found = views["at first"].results.found
         assert found is not None
         for p_value, more in ((0.04, [fact(Said.MORE_IS, family="thrust_scale", p=0.04)]), (1e-5, [])):
@@ -943,7 +943,7 @@ class TestOpenTab:
         results = replace(view.results, evaluation=replace(evaluation, solution=solution))
         shown = str(tabs("missing", replace(view, results=results)).shown)
         assert limit in shown and "'+1.50 *'" in shown and "'0.00'" in shown
-        assert "Per-flight bias at its bound: thrust (" in shown  # outside of what is folded
+        assert "The per-flight bias reaches its bound: thrust (" in shown  # outside of what is folded
         assert "more thrust is a thrust scale" in shown and "more height" not in shown
 
     def test_offsets_that_differ_from_flight_to_flight_are_said_beside_the_agreement(
@@ -1058,8 +1058,8 @@ class TestOpenTab:
         compensated = SimpleNamespace(m_b_absolute=0.078, rmse_m=0.144)
         steps = cast(Any, SimpleNamespace(flown={WITHOUT: without, WITH: compensated}))
         said = str(answer(model, steps))
-        assert said.startswith("Better with the compensator: what the ground does to the flight, which is")
-        assert "changes by \u221269% (M_B from 0.249 to 0.078 m s)." in said and "changes by \u22123% (RMSE)." in said
+        assert said.startswith("Better with the compensator: the difference from the same step flown high up")
+        assert "changes by \u221269% (M_B from 0.249 to 0.078 m s)." in said and said.endswith("changes by \u22123%.")
         worse = cast(Any, SimpleNamespace(flown={WITHOUT: compensated, WITH: without}))
         assert str(answer(model, worse)).startswith("Not better with the compensator")
         flat = replace(model, stack=()).plus(ConstantScale(1.2))
@@ -1156,7 +1156,7 @@ class TestOpenTab:
         assert "without thrust it explains 1%" in shown
         assert "check_circle" not in shown
         near = str(tabs("missing", _nothing_found(view, error_m_s2=0.2, floor_m_s2=0.186)).shown)
-        assert "Nothing significant is missing." in near and "check_circle" in near
+        assert "No missing effect is found." in near and "check_circle" in near
         assert "An error of 0.200 m/s² remains, 8% above the " in near
 
     def test_a_model_that_is_fitted_to_other_flights_gets_no_tick(self, views: dict[str, View]) -> None:

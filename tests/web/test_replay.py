@@ -50,7 +50,7 @@ def test_the_arrow_is_the_residual_to_scale(flight: Flight) -> None:
     arrow = drawn["frames"][0]["data"][2]
     assert np.diff(arrow["x"])[0] == np.diff(arrow["y"])[0] == 0.0
     name = next(trace["name"] for trace in drawn["data"] if trace["name"].startswith("residual"))
-    metres = float(name.split("(")[1].split(" m")[0])
+    metres = float(name.split("scale: ")[1].split(" m")[0])
     assert np.diff(arrow["z"])[0] == pytest.approx(2.0 * metres, rel=0.05)
 
 

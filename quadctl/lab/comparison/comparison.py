@@ -96,7 +96,7 @@ class Comparison(Result):
     def __rich__(self) -> RenderableType:
         widths = ", ".join(sorted({f"{flight.bandwidth_hz:.1f}" for flight in self.dataset.flights}))
         error, floor = quantity(self.rmse["total"]), roughly(self.noise_floor["total"])
-        of = f"Acceleration error of {self.model.name}, per-flight bias included"
+        of = f"Acceleration error of {self.model.name}, per-flight bias not removed"
         lines: list[str | Fact] = [
             f"{of}: {error}; reference error (a regression on all logged variables): {floor}.",
             self.variance,
@@ -106,8 +106,8 @@ class Comparison(Result):
         if self.fails_where:
             shown = told(self.fails_where, SHOWN_FAILURES)
             lines.append(
-                "Where the model fails, the largest share of the error first (sigma: standard errors from zero, or "
-                "from the average of the flight):"
+                "Where the model fails, the largest share of the error first (n sigma: a mean is n standard errors "
+                "from zero or, in a range of a variable, from the average of the flight):"
             )
             lines += [f"  - {failure.said} ({abs(failure.sigma):.0f} sigma)" for failure in shown]
             if len(self.fails_where) > SHOWN_FAILURES:

@@ -72,7 +72,7 @@ class OpenLoop:
         }
 
 
-_TITLE = "Open-loop prediction, error (RMSE) / m, m/s (no model: position at constant velocity)"
+_TITLE = "RMSE of open-loop predictions: position (m), velocity (m/s); no model: position at constant velocity"
 
 
 def open_loop_table(by_horizon: Sequence[OpenLoop]) -> Table:

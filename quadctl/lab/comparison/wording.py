@@ -12,7 +12,7 @@ from quadctl.lab.flights.preparation import BLOCK_S
 from quadctl.words import By, Fact, Format, Kinds, Template, When, Words, fact
 
 UNIT = "m/s²"
-FLOOR = "held-out error of a regression on all logged variables, the lowest of all model steps"
+FLOOR = "what a regression of the residual on all logged variables leaves, held out; the least of all model steps"
 """Meaning of the reference error; the steps are the models that were compared on these flights."""
 NO_PARAMETERS = "no free parameters"
 ERRORS = {"total": "acceleration error", "turning": "moment error", "sensing": "accelerometer error"}
@@ -158,7 +158,7 @@ _FITTED: Template = By(
 _JUDGED: Template = ("{judged:flights}", When("differs_most", ", which differs most,"))
 _PREDICTS: Template = ("The model", _FITTED, " predicts ", _JUDGED)
 _LIMIT = "{limit_m_s2:number}, {close:percent} of the error on {reference:flights}"
-_BIAS: Template = When("whole_flights", "per-flight bias included", "per-flight bias removed")
+_BIAS: Template = When("whole_flights", "per-flight bias not removed", "per-flight bias removed")
 _HELD_OUT: Template = When(
     "whole_flights",
     "held-out flights (cross-validation)",
@@ -241,8 +241,8 @@ class Said(Kinds, words=Words(FORMATS)):
         When("stretches", ", {stretches:stretches}"),
     )
     DEPENDENCE = (
-        "The {axis} residual depends on the {variable:variable}, {ends:and} on average, which is {share:.0%} of the "
-        "squared error of this axis"
+        "The {axis} residual depends on the {variable:variable} ({ends:and} on average): {share:.0%} of the squared "
+        "error of this axis"
     )
     MEAN_AT = "{mean_m_s2:signed} m/s² at {at:end} {unit}"
     FAILS = ("{failure}", IF_IT_FLEW, ".")
@@ -250,7 +250,7 @@ class Said(Kinds, words=Words(FORMATS)):
         By("flights", {1: "In this flight"}, "In these flights"),
         " the {variables:variables} ",
         By("one", {True: "changes"}, "change"),
-        " mostly because the controller counters disturbances: a residual that depends on ",
+        " mostly because the controller counters disturbances, so a dependence of the residual on ",
         By("one", {True: "it"}, "them"),
         " may come from the controller instead of a missing effect.",
     )
@@ -307,15 +307,15 @@ class Said(Kinds, words=Words(FORMATS)):
     )
     HELD_OUT = _HELD_OUT
     BIAS = _BIAS
-    ON_HELD_OUT_FLIGHTS = "per-flight bias included, on the held-out {flights:listed}"
+    ON_HELD_OUT_FLIGHTS = "per-flight bias not removed, on the held-out {flights:listed}"
     AS_IT_STANDS = ("as it stands, ", _BIAS, ", on {flights:flights}")
     ON_HELD_OUT = (_BIAS, ", on ", _HELD_OUT)
     OTHER_FLIGHTS = "{effect} holds values of {logs:list}, which are used in this order for {flights:list}"
     THRUST_ASSUMED = "{names:Listed} assumed: a wrong mass or thrust would look the same"
     ASSUMED = "Assumed, and not measured: {names:listed}"
     OPEN_LOOP = (
-        "After {horizon_s:g} s the predicted position is off by {position} (at constant velocity it would be "
-        "{held_m:.3g} m)."
+        "A prediction over {horizon_s:g} s, not corrected by measurements, misses the position by {position} (RMSE); "
+        "a constant velocity misses it by {held_m:.3g} m."
     )
     LOOKS_LIKE = "Looks like {families:families}: these data do not distinguish them."
 

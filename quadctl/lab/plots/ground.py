@@ -27,7 +27,7 @@ def thrust_ratio(addition: Addition, index: int, width_px: float = WIDE_PX) -> F
         ax.plot(x, ratio, dashes, color=colour, linewidth=1.3, alpha=0.75, label=f"{variant}, textbook")
     ax.fill_between(x, curve.low, curve.high, color=AFTER, alpha=0.22, linewidth=0.0, label="95% band")
     ax.plot(x, curve.ratio, color=AFTER, linewidth=2.2, label=f"{addition.model.effects[index].name}, fitted")
-    points(ax, curve.measured.x, curve.measured.mean, curve.measured.error, BLACK, "measured, mean ± 95%")
+    points(ax, curve.measured.x, curve.measured.mean, curve.measured.error, BLACK, "measured, mean and 95% interval")
     ax.axhline(1.0, color=BLACK, linewidth=0.8)
     top = max(float(curve.high.max()), float(np.max(curve.measured.mean + 2.0 * curve.measured.error)))
     ax.set_ylim(min(0.98, float(np.min(curve.measured.mean)) - 0.01), 1.0 + 1.35 * (top - 1.0) + 0.01)

@@ -34,7 +34,7 @@ def step_tail(tracks: Mapping[str, Tracking], width_px: float = PANEL_PX) -> Fig
     ax.set_xlim(0.1 * end, end)
     limits(ax, np.concatenate(settled), whole=True)
     ax.set_xlabel("time since the step / s")
-    ax.set_ylabel("height above the reference / mm")
+    ax.set_ylabel("height above the setpoint / mm")
     legend_above(ax, columns=2)
     return figure
 

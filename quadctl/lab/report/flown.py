@@ -17,7 +17,7 @@ def step_section(r: Results) -> Section | None:
         figure(
             plots.step_tail(tracks),
             "steps-tail",
-            "Height above the reference after the step, which shows the effect of the ground.",
+            "Height above the setpoint after the step, which shows the effect of the ground.",
         ),
     ]
     note = "Flights out of ground effect are shifted to the same reference. " if len(tracks) > len(steps.flown) else ""

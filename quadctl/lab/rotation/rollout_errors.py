@@ -17,10 +17,11 @@ MODELS = HELD, SAVED, FORECAST, REFERENCE = "held", "model", "forecast", "refere
 LEAST_BLOCKS = 3
 """Number of blocks that an interval needs."""
 FORECAST_OF = ("position, m", "velocity, m/s", "rotation, rad", "rates, rad/s")
-FORECAST_ERRORS = "mean errors of forecasts of what no fit saw [95 % interval]"
+FORECAST_ERRORS = "mean errors of forecasts of held-out data [95 % interval]"
 FORECAST_HOLDS = (
-    "Held: velocity and rates stay. Model: what `quadctl rotation -o` saves, with its observer. Reference: regression "
-    "on past and commands, without physics. Forecast and reference hold only with this very controller."
+    "Held: constant velocity and rates. Model: the one that `quadctl rotation -o` saves, begun by its observer. "
+    "Forecast: the same, corrected for the controller's answers to disturbances. Reference: regression on past and "
+    "commands, without physics. Forecast and reference hold for this controller only."
 )
 
 

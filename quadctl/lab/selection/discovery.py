@@ -69,7 +69,7 @@ class Discovery(Result):
     def __rich__(self) -> RenderableType:
         sequence = [(f"+ {step.effect}" if step.family else step.effect, step.rmse) for step in self.diagnosis.steps]
         floor = ("reference error", self.noise_floor)
-        table = errors_table("Held-out acceleration error after each selection step", [*sequence, floor])
+        table = errors_table("Held-out acceleration error of each model of the sequence", [*sequence, floor])
         effects = [self._effects_table()] if self.model.stack else []
         answer, notes = (
             Text(on_terminal("\n".join(map(in_words, found))))

@@ -40,7 +40,7 @@ def render(result: MetricsTable) -> RenderableType:
     more than once."""
     notes = ["M_A: integral of the error."]
     if any(flight.m_b_absolute is not None for flight in result.flights):
-        notes = ["M_A: integral of the error. M_B: integral of the difference from the reference flight."]
+        notes = ["M_A: integral of the error. M_B: integral of the error minus that of the reference flight."]
     notes += [f"{note}." for note in result.notes]
     return Group(*(Text(str(found)) for found in _answer(result)), _table(result), *(Text(note) for note in notes))
 
@@ -58,13 +58,13 @@ def _answer(result: MetricsTable) -> list[Fact]:
 def _table(result: MetricsTable) -> Table:
     columns = [value for value in VALUES if any(getattr(flight, value) is not None for flight in result.flights)]
     table = Table(
-        title=escape(f"Tracking of {result.axis}, {result.window}: integrals in m s, errors in m"),
+        title=escape(f"Tracking of {result.axis}, {result.window}: integrals in m*s, errors in m"),
         title_justify="left",
         box=box.SIMPLE_HEAD,
         show_edge=False,
         padding=0,
     )
-    table.add_column("flight", overflow="fold")
+    table.add_column("flight, compensator", overflow="fold")
     for value in columns:
         table.add_column(_HEADINGS[value], justify="right", no_wrap=True)
     alone = {group.group for group in result.groups if group.n_runs == 1}

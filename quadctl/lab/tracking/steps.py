@@ -37,7 +37,7 @@ class Step:
 
     start_s: float
     end_s: float
-    """When the new level was left, or the log ends."""
+    """Time at which the new level was left, or the log ends."""
     from_m: float
     to_m: float
 

@@ -30,8 +30,8 @@ def evidence_figure(curve: EffectCurve, theme: Theme, height_px: int = 340) -> F
         [
             cloud,
             line,
-            _means(curve.binned_before, "residual without it, mean ± 95%", theme.before, "circle", unit),
-            _means(curve.binned_after, "residual with it, mean ± 95%", theme.after, "square", unit),
+            _means(curve.binned_before, "residual without it, mean and 95% interval", theme.before, "circle", unit),
+            _means(curve.binned_after, "residual with it, mean and 95% interval", theme.after, "square", unit),
         ],
         theme,
         height_px,

@@ -87,7 +87,8 @@ def _points(measured: Binned | None, theme: Theme) -> list[dict[str, Any]]:
         return []
     return [
         {
-            "type": "scatter", "mode": "markers", "name": "measured, mean ± 95%", "x": measured.x, "y": measured.mean,
+            "type": "scatter", "mode": "markers", "x": measured.x, "y": measured.mean,
+            "name": "measured, mean and 95% interval",
             "marker": {"color": theme.measured, "size": 7}, "hovertemplate": "%{x:.2f}: %{y:.3f}",
             "error_y": {"type": "data", "array": 1.96 * measured.error, "color": theme.measured, "thickness": 1.2},
         }

@@ -42,7 +42,7 @@ def replay_figure(flight: Flight, residual: Floats, brushed: Mask | None, theme:
     m_per_m_s2 = ARROW * reach / largest
     shape = vehicle_shape(flight.vehicle, reach)
     states = [_vehicle_at(flight, shape, places, residual, time, m_per_m_s2) for time in times]
-    arrow = arrow_look(f"residual ({m_per_m_s2:.2g} m long: 1 m/s²)", theme.before)
+    arrow = arrow_look(f"residual (scale: {m_per_m_s2:.2g} m is 1 m/s²)", theme.before)
     first = [{**look, **lines} for look, lines in zip([*vehicle_looks(theme), arrow], states[0], strict=True)]
     moving = list(range(len(drawn["data"]), len(drawn["data"]) + len(first)))
     frames = [{"name": str(i), "data": state, "traces": moving} for i, state in enumerate(states)]

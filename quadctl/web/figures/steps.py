@@ -21,7 +21,7 @@ def step_figure(steps: StepResponses, theme: Theme, close_up: bool) -> Figure:
         settled += np.quantile(y[track.time_s > 0.15 * track.time_s[-1]], [0.0, 1.0]).tolist()
     if close_up:
         room = 0.15 * (max(settled) - min(settled))
-        y_axis = axis("above the reference / mm", theme, range=[min(settled) - room, max(settled) + room])
+        y_axis = axis("above the setpoint / mm", theme, range=[min(settled) - room, max(settled) + room])
     else:
         first = next(iter(steps.on_one_reference.values()))
         line = {"color": theme.measured, "dash": "dash", "width": 1}

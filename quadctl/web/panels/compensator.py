@@ -148,10 +148,10 @@ class SimulatedFlight(Panel):
         if self.model is None or self.seen is None:
             return
         with tag("section", "card"):
-            world = "that obeys this model" if self.hidden is None else f"that obeys {self.hidden.name}"
+            world = "that obeys this model" if self.hidden is None else f"with the effects in {self.hidden.name}"
             heading(
                 "Fly it in simulation",
-                f"Simulates a step down to the ground {WITHOUT} and {WITH}, and one {FAR}, in a world {world}.",
+                f"Simulates a step down, close to the ground, {WITHOUT} and {WITH}, and one {FAR}, in a world {world}.",
             )
             if self.hidden is None:
                 tag("p", "muted", "It shows what the compensator does to the flight, not whether the model is right.")

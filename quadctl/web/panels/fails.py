@@ -62,7 +62,7 @@ class Failures(Panel):
             with tag("p", "muted"):
                 explained(
                     "Sigma says how certain a difference is, not how large. Here the model is as it is exported: the "
-                    "per-flight bias is not removed here, so errors are larger than at the top."
+                    "per-flight bias is not removed here, so errors are larger than the error of the model."
                 )
             if self.thrust_reservation:
                 tag("p", "note", self.thrust_reservation)
@@ -84,7 +84,7 @@ class Failures(Panel):
             heading(
                 "Residual over each variable, the largest share of the error of all axes first"
                 if telling
-                else "No single variable explains much of the error; the best two",
+                else "Residual over the two variables that explain most, although neither explains much",
                 "Where the mean is on the zero line, the model is right. "
                 "Drag over a range to see when these samples occurred.",
             )
@@ -153,7 +153,7 @@ class Selected(ChosenFlightPanel):
             if over is not None:
                 axis_name, variables = over
                 with tag("section", "card"):
-                    heading("Residual over the two most important variables", "Drag a box to select samples.")
+                    heading("Residual over two variables at once", "Drag a box to select samples.")
                     drawn = error_map(comparison, axis_name, variables, self.theme)
                     shown = plot(drawn, f"residual_{axis_name}_map", "Residual over two variables")
                     _let_select(do, shown, axis_name, variables)

@@ -35,7 +35,7 @@ class Flights(Panel):
             return
         several = len(self.opened.usable) > 1
         with tag("section", "card"):
-            held = "A flight that you hold out is used by no fit; the error at the top is then computed on it."
+            held = "A flight that you hold out is used by no fit; the error of the model is then computed on it."
             heading("Flights", held if several else "")
             do.nest(WhichVehicle)
             for log in self.opened.logs:

@@ -68,7 +68,9 @@ class OverTime(ChosenFlightPanel):
             timeline = self.draw_timeline(flight, brushed, f"{flight.name}_{self.axis}", "Flight over time")
             tag("p", "muted", "Drag to zoom, double-click to see all. The cursor is the same in all panes.")
         with tag("section", "card"):
-            text = "The vehicle stands where the cursor is in the figures over time; press Play, or move the slider."
+            text = (
+                "The vehicle is drawn at the time of the cursor in the figures above; press Play, or move the slider."
+            )
             heading("The flight path", text)
             predicted = predictions(self.models, flight)
             residual = flight.measured - predicted.get(CURRENT, next(iter(predicted.values()), flight.measured))

@@ -24,7 +24,11 @@ class Rollouts(Panel):
         with tag("section", "card").props('id="rollouts"'):
             heading("Whole state from commands", f"{FORECAST_ERRORS.capitalize()}. {FORECAST_HOLDS}")
             if self.rollouts is None:
-                tag("p", "muted", "Needs body rates at 20 Hz, and speeds or outputs of the rotors at 40 Hz or more.")
+                tag(
+                    "p",
+                    "muted",
+                    "Needs body rates at 20 Hz or more, and speeds or outputs of the rotors at 40 Hz or more.",
+                )
                 work_button(do, "Forecast the whole state", do.bench.forecast, "unelevated", "timeline")
                 return
             with tag("div", "panes"):

@@ -85,7 +85,11 @@ class Stack(Panel):
                     allowed = self.seen is not None and not self.off
                     work_button(do, "Refit", do.bench.refit, "flat dense", allowed=allowed)
             if not model.stack:
-                tag("p", "muted", f"None yet: the rigid body of {model.vehicle.name}, weight and rotor thrust alone.")
+                tag(
+                    "p",
+                    "muted",
+                    f"No effect yet: {model.vehicle.name} is a rigid body with its weight and rotor thrust.",
+                )
             for item in model.stack:
                 alike = self.confounded.get(item.effect.family(), ())
                 _draw_effect(do, item, alike, on=item.effect.name not in self.off)

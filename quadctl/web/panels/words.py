@@ -20,28 +20,28 @@ class Said(Kinds, words=_WORDS):
     ERROR_AS_IT_STANDS = (
         _ERROR,
         "{where}; ",
-        When("fitted", "it is fitted to {fitted:listed}", "it has the parameters of its file"),
+        When("fitted", "it is fitted to {fitted:listed}", "its parameters are those of the model file"),
         ".",
     )
     ERROR_CROSS_VALIDATED = (_ERROR, "{bias}", When("refitted", ", the other effects refitted"), ": on {held_out}.")
     CROSS_VALIDATED = "cross-validated, {bias}"
     AS_IT_STANDS = "of the model as it stands, {bias}"
-    HELD_OUT = "of the model as it is exported, per-flight bias included"
+    HELD_OUT = "of the model as it is exported, per-flight bias not removed"
     DRAWN_WITHOUT_BIAS = (
-        "The line is not corrected for the per-flight bias, which the controller does not know. Error of the line: "
-        "{off_m_s2:m/s²} {axis}."
+        "The per-flight bias is not removed from the lines, as the controller does not know it. Error of the line of "
+        "the model: {off_m_s2:m/s²} {axis}."
     )
     NO_ACCELERATION_IS_CLOSER = (
         "A prediction of zero would be closer here: the measured acceleration is {moves_m_s2:m/s²} {axis} (RMS)."
     )
     APART = "Parameters that are fitted to each flight separately also differ: {differences:listed}."
     APART_BY = "{name} by {least}{size:.2g}{unit}"
-    AT_LIMIT = "Per-flight bias at its bound: {nuisances:listed}."
+    AT_LIMIT = "The per-flight bias reaches its bound: {nuisances:listed}."
     OF_FLIGHTS = "{name} ({flights:listed})"
-    MORE_IS = "No {family:family} is supported (p {p:p})."
-    FACTOR_ONE = "Far from the ground the model gives the rotors the thrust that the vehicle file says: factor 1."
+    MORE_IS = "The data do not support an effect {family:family} (p {p:p})."
+    FACTOR_ONE = "Far from the ground the thrust of the model is that of the vehicle file: factor 1."
     FACTOR = (
-        "Far from the ground the model gives the rotors {factor:.3f} times the thrust of the vehicle file. The curve "
+        "Far from the ground the thrust of the model is {factor:.3f} times that of the vehicle file. The curve "
         "over height is relative to that; the compensator divides by both."
     )
     WHICH_OF_THEM = (
@@ -55,9 +55,9 @@ class Said(Kinds, words=_WORDS):
     )
     COMPENSATED = (
         By("better", {True: "Better"}, "Not better"),
-        " with the compensator: what the ground does to the flight, which is the difference to the same step flown "
-        "high up, changes by {drop:change} (M_B from {without_m_s:.3f} to {compensated_m_s:.3f} m s). The whole "
-        "tracking error, which includes the step itself, changes by {rmse_drop:change} (RMSE).",
+        " with the compensator: the difference from the same step flown high up, which is what the ground does, "
+        "changes by {drop:change} (M_B from {without_m_s:.3f} to {compensated_m_s:.3f} m s). The RMSE of the whole "
+        "tracking error, to which the step itself contributes most, changes by {rmse_drop:change}.",
     )
     SHARE = "explains {share:percent} of the squared error of this axis, {of_all:percent} of that of all axes, p {p:p}"
     FITTED_TOGETHER = (

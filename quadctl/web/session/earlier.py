@@ -38,7 +38,7 @@ class Earlier:
 
     @property
     def details(self) -> str:
-        """When it was saved, its vehicle, the effects in the model and the error."""
+        """Time at which it was saved, its vehicle, the effects in the model and the error."""
         model = listed([plain(family) for family in self.effects]) if self.effects else NO_EFFECT
         error = "" if self.error_m_s2 is None else f", error {quantity(self.error_m_s2)}"
         return f"{self.saved:%d %B %Y, %H:%M}: {self.vehicle}, {model}{error}"

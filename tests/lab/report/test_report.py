@@ -201,7 +201,7 @@ class TestWhatThePageHolds:
         assert f"reference error is {roughly(first['total'])}" not in text
 
     def test_a_report_of_the_page_repeats_its_numbers_and_its_words(self, worded: Worded, flown: Flown) -> None:
-        said = ("Nothing significant is missing, if the vehicle is raptor (1.5 kg).", "An error remains.")
+        said = ("No missing effect is found, if the vehicle is raptor (1.5 kg).", "An error remains.")
         shown = Shown(said, flown.before.model.vehicle, 0.0321, (0.321, 0.123), "on blocks")
         text = worded(flown.results._replace(shown=shown, after=None)).text
         top = text[: text.index("The model :")]
@@ -466,7 +466,7 @@ class TestFirstPage:
     def test_it_names_one_error_only(self, raptor: Vehicle) -> None:
         flown = load_dataset([obedient(Model(raptor).plus(Exponential(a=0.3, b=5.0)), 30.0)], raptor)
         text = Page(render_report(Results(compare(Model(raptor), flown)))).text
-        assert "as given, per-flight bias included" not in text
+        assert "as given, per-flight bias not removed" not in text
 
 
 @pytest.mark.usefixtures("undrawn")
