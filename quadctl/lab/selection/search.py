@@ -2,7 +2,8 @@
 
 A linearised problem (`FirstOrder`) tells how well every subset would predict held-out data, so that the promising ones
 alone are fitted. Of the subsets that hold, the best is taken, or a simpler one that the data do not tell from it; then
-those that differ from it in one effect are fitted, and the best form of every other family is tried on top of it.
+those that differ from it in one effect are fitted, and the best forms of every other family are tried on top of it and
+of those that do about as well.
 """
 
 import math
@@ -92,12 +93,15 @@ def search(start: FittedModel, pool: Sequence[type[Effect]], progress: Progress,
     """Search `pool` for the effects that the fitted model `start` is missing."""
     subsets, first_order = Subsets(start, pool, rule), FirstOrder(start, pool, rule)
     held = _promising(subsets, first_order, progress)
-    best = _simplest(subsets, held)
+    best, extended = _simplest(subsets, held), set[Subset]()
     for _ in range(MOST_TURNS):
         before = best
         progress(f"comparing with {_named(best)}")
         held += _exchanged(subsets, first_order, best)
-        held += _on_top(subsets, _simplest(subsets, held), progress)
+        for subset in _as_good(subsets, held, _simplest(subsets, held)):
+            if subset not in extended:
+                extended.add(subset)
+                held += _on_top(subsets, subset, progress)
         best = _simplest(subsets, held)
         if best == before:
             break
@@ -154,21 +158,30 @@ def _exchanged(subsets: Subsets, first_order: FirstOrder, best: Subset) -> list[
 
 
 def _on_top(subsets: Subsets, best: Subset, progress: Progress) -> list[Subset]:
-    """Subsets that hold, with one more effect than the best: of each family the one that does best to first order,
-    where that is better than noise."""
+    """Subsets that hold, with one more effect than the best: of each family the forms that do best to first
+    order, where that is better than noise: of forms that do alike, one may be significant where another is not."""
     others = _others(subsets, best)
     first_order = FirstOrder(subsets.fit(best), others, subsets.rule)
-    likely: dict[str, type[Effect]] = {}
-    for kind in sorted(others, key=lambda kind: first_order.score(frozenset({kind}))):
-        likely.setdefault(kind.family(), kind)
+    score_of = {kind: first_order.score(frozenset({kind})) for kind in others}
+    least: dict[str, float] = {}
+    for kind in sorted(others, key=score_of.__getitem__):
+        least.setdefault(kind.family(), score_of[kind] + subsets.rule.equal_score)
+    likely = [kind for kind in others if score_of[kind] < least[kind.family()]]
     tried = {}
-    for number, kind in enumerate(likely.values(), start=1):
+    for number, kind in enumerate(likely, start=1):
         if kind.adds_lag or best | {kind} in subsets or first_order.p_value(kind) < HOPELESS:
             progress(f"trying {kind.name} beside {_named(best)}, {number} of {len(likely)}")
             tried[kind] = subsets.beside(best | {kind}, kind)
     supported = [c for c in tried.values() if is_supported(c, subsets.rule)]
     found = without_stand_ins(supported, list(tried.values()), subsets.rule)
     return [subsets.pruned(best | {kind}) for kind, c in tried.items() if c in found]
+
+
+def _as_good(subsets: Subsets, held: Sequence[Subset], best: Subset) -> list[Subset]:
+    """The best subset, and those of as many effects that do about as well: one more effect may part them."""
+    limit = subsets.rank(best) + 2.0 * subsets.rule.equal_score
+    as_large = (s for s in held if len(s) == len(best) and s not in subsets.stand_ins)
+    return list(dict.fromkeys([best, *(subset for subset in as_large if subsets.rank(subset) < limit)]))
 
 
 def _others(subsets: Subsets, best: Subset) -> list[type[Effect]]:
