@@ -84,6 +84,25 @@ def obedient(
     return FlightLog(name=name, path=None, columns=columns)
 
 
+def swaying(model: Model, late_s: float = 0.0, seed: int = 1) -> FlightLog:
+    """A minute of flight by a rigid `model` that rises and falls steadily, 8 m above the ground, by satellites: the
+    velocity is off by some centimetres a second for seconds, and rotor speeds are logged `late_s` late."""
+    t, step_s, forgets_s = np.arange(0.0, 60.0, 0.04), 0.04, 3.0
+    w, size_m, off_m_s, vehicle = 2.0 * np.pi / 3.0, 0.3, 0.03, model.vehicle
+    random = np.random.default_rng(seed)
+    drift = np.zeros((3, len(t)))
+    for i in range(1, len(t)):
+        kick = off_m_s * np.sqrt(2.0 * step_s / forgets_s) * random.standard_normal(3)
+        drift[:, i] = drift[:, i - 1] * (1.0 - step_s / forgets_s) + kick
+    level = {name: 1e-6 * random.standard_normal(len(t)) for name in ("x_m", "y_m", *ATTITUDE, *RATES)}
+    each = vehicle.mass_kg * (GRAVITY_M_S2 - size_m * w**2 * np.sin(w * t)) / vehicle.n_rotors
+    rpm = np.interp(t - late_s, t, np.sqrt(each / vehicle.rotor.thrust_n_per_rpm2))
+    columns = {column: np.zeros_like(t) for column in STATE_COLUMNS} | level
+    columns |= {"time_s": t, "z_m": 8.0 + size_m * np.sin(w * t), "vx_m_s": drift[0], "vy_m_s": drift[1]}
+    columns |= {"vz_m_s": size_m * w * np.cos(w * t) + drift[2], **dict.fromkeys(rpm_columns(vehicle.n_rotors), rpm)}
+    return FlightLog(name="swaying.csv", path=None, columns=columns)
+
+
 def to_and_fro(log: FlightLog, speed_m_s: float) -> FlightLog:
     """The same flight, carried to and fro along both axes at up to `speed_m_s` on each."""
     w, columns = 2.0 * np.pi * 0.05, dict(log.columns)

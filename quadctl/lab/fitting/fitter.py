@@ -30,10 +30,10 @@ from quadctl.lab.fitting.nuisances import (
     AGE,
     CAPTURED,
     KINDS,
-    PRIOR_STD,
     acceleration_jacobian,
     bounds,
     predicted_with,
+    prior_std,
 )
 from quadctl.lab.fitting.parameters import (
     HELD,
@@ -114,9 +114,10 @@ class Fitter:
         self.model = model
         self.free = free_parameters(model)
         lowest, highest = map(np.array, zip(*map(bounds, self.dataset.flights), strict=True))
-        self._bound = highest
+        self._bound, self._prior_std = highest, np.array([prior_std(flight) for flight in self.dataset.flights])
         # A rotor signal that comes earlier than positions are late has rotors that follow it late, and no delay.
-        lowest[:, AGE] = [np.clip(f.timing.earliest_s - f.delay_s, -highest[0, AGE], 0.0) for f in self.dataset.flights]
+        earliest = np.array([f.timing.earliest_s - f.delay_s for f in self.dataset.flights])
+        lowest[:, AGE] = np.clip(earliest, -highest[:, AGE], 0.0)
         self._low = np.concatenate([[f.parameter.low for f in self.free], lowest.ravel()])
         self._high = np.concatenate([[f.parameter.high for f in self.free], highest.ravel()])
         self._unit = self._high - self._low
@@ -214,7 +215,7 @@ class Fitter:
         # Drawn apart: flights without a motion capture keep the draws of the others, and so the intervals of the pages.
         apart = np.random.default_rng([seed, usual])
         centres[..., usual:] = apart.standard_normal((BOOTSTRAPS, count_flights, len(KINDS) - usual))
-        centres *= PRIOR_STD
+        centres *= self._prior_std
         # The spread is estimated from few runs: Student's t instead of the normal distribution, n - 1 instead of n.
         wider = float(special.stdtrit(runs - 1, 0.975)) / 1.96 * math.sqrt(runs / (runs - 1)) if runs > 1 else 1.0
         first = np.flatnonzero(np.diff(self.dataset.flight_index[tangent.starts], prepend=-1))
@@ -263,19 +264,20 @@ class Fitter:
 
     # --- steps: vectors of the parameters and the nuisances of all flights --------------------------------------------
 
-    def _equations(self, gram: Floats, prior_offset: Floats, prior_std: Floats = PRIOR_STD) -> Arrow:
+    def _equations(self, gram: Floats, prior_offset: Floats, std: Floats | None = None) -> Arrow:
         """Normal equations, in units of the range of each parameter and nuisance.
 
         `gram` holds the Gram matrix of each flight (see `gram_matrix`), `prior_offset` the prior mean minus the present
-        value of the nuisances, shape (flights, kinds), and `prior_std` their standard deviation; the first two may have
-        a leading axis of draws.
+        value of the nuisances, shape (flights, kinds), and `std` their standard deviation, if not that of their priors;
+        the first two may have a leading axis of draws.
         """
+        std = self._prior_std if std is None else std
         p, kinds = len(self.free), np.arange(len(KINDS))
         unit = np.column_stack([self._unit_by_flight, np.ones(len(self.dataset.flights))])
         scaled = gram * (unit[:, :, None] * unit[:, None, :])
         own = unit[:, p:-1]
-        scaled[..., p + kinds, p + kinds] += (own / prior_std) ** 2
-        scaled[..., p:-1, -1] += own / prior_std**2 * prior_offset
+        scaled[..., p + kinds, p + kinds] += (own / std) ** 2
+        scaled[..., p:-1, -1] += own / std**2 * prior_offset
         return Arrow.of_gram_matrices(scaled, p).ridged()
 
     def _moves_of_held(
@@ -333,8 +335,8 @@ class Fitter:
         released = free_mask | np.concatenate([np.zeros(p, dtype=bool), unusual.ravel()])
         if np.array_equal(released, free_mask):
             return np.zeros(p)
-        prior_std = np.where(unusual, self._bound, PRIOR_STD)
-        return np.asarray(self._equations(gram, -fitted.nuisances, prior_std).solve(released)[:p])
+        wide = np.where(unusual, self._bound, self._prior_std)
+        return np.asarray(self._equations(gram, -fitted.nuisances, wide).solve(released)[:p])
 
     def _variance_beyond_runs(
         self, fitted: Optimum, gram: Floats, tangent: _Linearisation, run: NDArray[np.intp], free_mask: Mask
@@ -442,7 +444,7 @@ class Fitter:
     def _objective(self, fitted: Optimum, residual: Floats, scale: Floats, rows: Mask) -> float:
         """Objective: soft-L1 loss of the residual in units of the noise, plus the squared prior terms of the
         nuisances."""
-        total = float(np.sum((fitted.nuisances / PRIOR_STD) ** 2))
+        total = float(np.sum((fitted.nuisances / self._prior_std) ** 2))
         for flight, part in zip(self.dataset.flights, self.dataset.parts, strict=True):
             total += soft_l1_loss(residual[part][rows[part]] / scale, axis_weights(flight, self.dataset.groups))
         return total

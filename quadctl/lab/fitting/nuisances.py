@@ -9,6 +9,7 @@ effect. An effect of the same kind, such as a thrust scale or a tilt, is the mea
 flights scatter by the priors; so its interval knows how flights differ.
 """
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -85,6 +86,14 @@ HEIGHT, AGE, LEVELLING, SLOW_LEVELLING, ATTITUDE_AGE = (
 )
 
 
+def prior_std(flight: Flight) -> Floats:
+    """Standard deviation of the prior of each nuisance of a flight, shape (kinds,): the delay of the rotor signal may
+    also be off by as much as its estimate."""
+    found = PRIOR_STD.copy()
+    found[AGE] = math.hypot(found[AGE], flight.delay_std_s)
+    return found
+
+
 def is_captured(flight: Flight) -> bool:
     """Tell whether the attitude of a flight is that of a motion capture."""
     return flight.attitude_by == MOTION_CAPTURE
@@ -93,6 +102,7 @@ def is_captured(flight: Flight) -> bool:
 def bounds(flight: Flight) -> tuple[Floats, Floats]:
     """Lowest and highest value of each nuisance of a flight, shape (kinds,) each."""
     low, high = LOWEST.copy(), BOUND.copy()
+    high[AGE] = max(high[AGE], 2.0 * prior_std(flight)[AGE])
     # Roll and pitch only: a centre of mass does not turn about yaw.
     by_offset = CENTRE_OF_MASS_M * flight.vehicle.weight_n / moment_per_load(flight.vehicle)[:2]
     high[FORCES : FORCES + 2] = np.maximum(high[FORCES : FORCES + 2], by_offset)

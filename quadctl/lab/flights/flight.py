@@ -151,6 +151,8 @@ class Flight:
     thrust_source: str
     delay_s: float
     """Delay of the logged rotor signal relative to its force, s, which has been taken out; positive: logged late."""
+    delay_std_s: float = 0.0
+    """Standard error of that delay, s."""
     torque: Floats | None = None
     """Filtered torque from the body rates, FRD, N m, shape (n, 3); None without rates or signals of single rotors."""
     sensed: Floats | None = None

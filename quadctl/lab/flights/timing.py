@@ -80,8 +80,8 @@ def timed(flights: Sequence[Flight], lag: Model) -> tuple[Flight, ...]:
     earliest_s = -math.inf if _is_position_late(prompt, delays_s, lag) else -MOST_EARLY_S
     timing = Timing(rotor=rotor.common, velocity=velocity.common, earliest_s=earliest_s)
     return tuple(
-        replace(flight.with_rotor_delay(max(delay_s, earliest_s)), timing=timing)
-        for flight, delay_s in zip(prompt, delays_s, strict=True)
+        replace(flight.with_rotor_delay(max(own.value, earliest_s)), timing=timing, delay_std_s=own.std)
+        for flight, own in zip(prompt, rotor.of_flights, strict=True)
     )
 
 
@@ -148,7 +148,7 @@ def _shrunk(own: Sequence[Estimate], prior: Estimate) -> _Shrunk:
     each = [
         Estimate(
             float((v / s2 + common.value / between) / (1.0 / s2 + 1.0 / between)),
-            float((s2 * between / (s2 + between)) ** 0.5),
+            float((s2 * between / (s2 + between) + (common.std * s2 / (s2 + between)) ** 2) ** 0.5),
         )
         for v, s2 in zip(value, variance, strict=True)
     ]

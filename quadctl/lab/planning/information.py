@@ -7,7 +7,7 @@ import numpy as np
 
 from quadctl.lab.arrays import Floats
 from quadctl.lab.fitting.consider_parameters import consider_jacobian
-from quadctl.lab.fitting.nuisances import PRIOR_STD, nuisance_jacobian
+from quadctl.lab.fitting.nuisances import KINDS, nuisance_jacobian, prior_std
 from quadctl.lab.fitting.parameters import free_parameters, parameter_jacobian
 from quadctl.lab.flights.flight import Flight
 from quadctl.lab.flights.prediction import predict_targets
@@ -76,10 +76,10 @@ def information(
     """
     # In units of their prior standard deviations all nuisances have variance 1.
     predicted = predict_targets(model, flight, groups)
-    n = _flat(nuisance_jacobian(model, flight, groups, predicted), noise) * PRIOR_STD
+    n = _flat(nuisance_jacobian(model, flight, groups, predicted), noise) * prior_std(flight)
     j = _flat(parameter_jacobian(model, flight, groups, predicted), noise)
     d = np.zeros(len(j)) if difference is None else (difference / noise).ravel()
-    factor = np.linalg.cholesky(n.T @ n + np.eye(len(PRIOR_STD)))
+    factor = np.linalg.cholesky(n.T @ n + np.eye(len(KINDS)))
     nj, nd = np.linalg.solve(factor, n.T @ j), np.linalg.solve(factor, n.T @ d)
     consider_gradient = None
     if considering:

@@ -19,7 +19,7 @@ from quadctl.lab.arrays import Floats, Mask
 from quadctl.lab.fitting.fitted_model import FittedModel
 from quadctl.lab.fitting.initial_guesses import Unmodelled
 from quadctl.lab.fitting.normal_equations import axis_weights
-from quadctl.lab.fitting.nuisances import PRIOR_STD, bounds, nuisance_jacobian
+from quadctl.lab.fitting.nuisances import bounds, nuisance_jacobian, prior_std
 from quadctl.lab.fitting.parameters import HELD, Free, free_parameters, parameter_jacobian
 from quadctl.lab.fitting.significance import improvement_p_value
 from quadctl.lab.flights.flight import Flight
@@ -148,7 +148,8 @@ class FirstOrder:
         found, (low, high) = self._fit.optimum.nuisances[number], bounds(flight)
         free = np.minimum(found - low, high - found) > HELD * (high - low)
         jacobian = nuisance_jacobian(self._model, flight, groups, self._predicted[number])[..., free]
-        return jacobian / self._unit[:, None], 1.0 / PRIOR_STD[free], -found[free] / PRIOR_STD[free]
+        std = prior_std(flight)[free]
+        return jacobian / self._unit[:, None], 1.0 / std, -found[free] / std
 
     def _by_nuisances(self, number: int, rows: Floats, seen: Mask | slice) -> tuple[Floats, Floats]:
         """Nuisances of a flight fitted to each of the columns, shape (k, m), of the samples `seen`; and the Gram matrix

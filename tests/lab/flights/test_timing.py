@@ -6,13 +6,14 @@ import numpy as np
 import pytest
 
 from quadctl.lab.fitting.fitter import Fitter
-from quadctl.lab.fitting.nuisances import AGE
+from quadctl.lab.fitting.nuisances import AGE, BOUND, PRIOR_STD, bounds, prior_std
 from quadctl.lab.flights.dataset import load_dataset
 from quadctl.lab.flights.flight import Estimate
-from quadctl.lab.flights.timing import MOST_EARLY_S, _shrunk, comes_too_early, of_timing
+from quadctl.lab.flights.timing import LEAST_STD_S, MOST_EARLY_S, ROTOR_PRIOR, _shrunk, comes_too_early, of_timing
+from quadctl.lab.selection.diagnosis import diagnose
 from quadctl.logs.flight_log import VELOCITY, FlightLog
 from quadctl.model import Model
-from tests.support.flights import obedient, with_late_rotors
+from tests.support.flights import obedient, swaying, with_late_rotors
 
 LAG_S = 0.03
 
@@ -70,10 +71,34 @@ class TestOfAllFlights:
         assert shown.of_flights[1].value == pytest.approx(shown.common.value, abs=1e-4)
         assert shown.common.value == pytest.approx(0.03, abs=0.001)
 
+    def test_it_is_as_uncertain_as_that_and_as_flights_differ(self) -> None:
+        shown = _shrunk([Estimate(0.03, 0.012), Estimate(0.2, 10.0)], Estimate(0.0, 0.02))
+        assert shown.common.std == pytest.approx((0.012**-2 + 0.02**-2) ** -0.5, rel=0.02)
+        assert shown.of_flights[1].std == pytest.approx(np.hypot(shown.common.std, LEAST_STD_S), rel=0.01)
+
     def test_what_none_shows_is_the_prior(self) -> None:
         unseen = _shrunk([Estimate(0.2, 10.0)], Estimate(0.0, 0.02))
         assert unseen.common.value == pytest.approx(0.0, abs=1e-4)
         assert unseen.common.std == pytest.approx(0.02, rel=0.01)
+
+
+class TestDelaysThatNoFlightShows:
+    """Of a steady sway at w rad/s, a rotor signal that is late by t looks like a drag of t w^2 1/s."""
+
+    def test_a_late_rotor_signal_is_no_drag(self, rigid: Model) -> None:
+        data = load_dataset([swaying(rigid, late_s=0.06)], rigid.vehicle)
+        assert data.flights[0].delay_std_s == pytest.approx(ROTOR_PRIOR.std, rel=0.1)
+        found = diagnose(rigid, data)
+        assert (found.verdict, found.missing, found.small) == ("none", [], [])
+
+    def test_a_delay_has_the_prior_that_is_left_when_flights_have_told_of_it(self, rigid: Model) -> None:
+        shown, unseen = (load_dataset([log], rigid.vehicle).flights[0] for log in (obedient(rigid), swaying(rigid)))
+        assert prior_std(shown)[AGE] == pytest.approx(PRIOR_STD[AGE], rel=0.1)
+        assert bounds(shown)[1][AGE] == BOUND[AGE]
+        assert prior_std(unseen)[AGE] == pytest.approx(np.hypot(PRIOR_STD[AGE], ROTOR_PRIOR.std), rel=0.1)
+        assert bounds(unseen)[1][AGE] == pytest.approx(2.0 * prior_std(unseen)[AGE])
+        others = np.arange(len(PRIOR_STD)) != AGE
+        assert np.array_equal(prior_std(unseen)[others], PRIOR_STD[others])
 
 
 class TestSignalsThatComeBeforeTheirForce:
