@@ -16,8 +16,8 @@ def chosen(diagnosis: Diagnosis) -> set[str]:
 
 @styled
 def ranking(diagnosis: Diagnosis, floor_total: float) -> Figure:
-    """Drop of the held-out error with each candidate, and the drop that the reference error allows."""
-    candidates = diagnosis.ranking
+    """Drop of the held-out error with each candidate that was fitted, and the drop that the reference error allows."""
+    candidates = [c for c in diagnosis.ranking if c.fitted]
     figure, ax = panel(0.9 + 0.36 * (len(candidates) + 1))
     drops = [*(100.0 * c.held_out_drop for c in candidates), 0.0]
     low = max(-20.0, min(0.0, *drops) - 2.0)

@@ -34,18 +34,18 @@ def missing(r: Results) -> Section | None:
         return None
     floor = floor_total(r)
     figures = []
-    if d.ranking:
+    if any(c.fitted for c in d.ranking):
         figures.append(
             figure(
                 plots.ranking(d, floor),
                 "ranking",
-                "Drop of the held-out error by each candidate: first the missing effects, each added to those before "
-                "it; then the other candidates, each added to the missing ones. Dark blue: missing; light blue: "
-                "supported, but not needed; grey: not supported.",
+                "Drop of the held-out error by each candidate that was fitted: first the missing effects, each added "
+                "to those before it; then the other candidates, each added to the missing ones. Dark blue: missing; "
+                "light blue: supported, but not needed; grey: not supported.",
             )
         )
     if len(d.steps) > 1:
-        caption = "Selection steps: held-out error of the given model, then with each missing family added."
+        caption = "Model sequence: held-out error of the given model, then with each missing family added."
         figures.append(figure(plots.model_sequence(d, floor), "ladder", caption))
     tables = [_verdict_table(d)]
     if d.ranking:
