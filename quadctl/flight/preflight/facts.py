@@ -102,7 +102,8 @@ class Kind(Kinds, words=_WORDS):
     NOT_AHEAD = "look_ahead is false: the reference is fed forward at its own time"
     AHEAD = "the force to the side follows {lag_s:.2f} s later, and the reference is looked at ahead"
     NO_RESPONSE = (
-        "no look-ahead, so the vehicle follows late, as its lag is not known ('{vehicle}' has no attitude_response); "
+        "no look-ahead, so the vehicle follows late, as the lag of its attitude is not known ('{vehicle}' has no "
+        "attitude_response); "
         "`quadctl fit` finds the lag in a log of the mission `excitation`"
     )
     NO_DRAG = "lag {lag_s:.2f} s, but no drag in the model: no look-ahead, so the vehicle follows late"
