@@ -96,7 +96,7 @@ RestoreOption = Annotated[
     bool,
     typer.Option(
         "--restore-params",
-        help="Restore the parameters that an interrupted `fly --set-params` changed, from its file in --log-dir.",
+        help="First restore the parameters that an interrupted `fly --set-params` changed, from its file in --log-dir.",
     ),
 ]
 

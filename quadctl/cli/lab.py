@@ -70,8 +70,8 @@ NestedOption = Annotated[
     bool,
     typer.Option(
         "--nested",
-        help="Nested cross-validation: leave out each part of the data in turn, search in the rest, and test what "
-        "is found on the part; several times slower.",
+        help="Nested cross-validation: leave out each part of the data in turn, search in the rest, and test the "
+        "effects found on the part left out; several times slower.",
     ),
 ]
 AllOption = Annotated[
@@ -439,7 +439,7 @@ def metrics(
 ) -> None:
     """Measure the tracking errors of a step.
 
-    M_A is the integral of the error, M_B that of the error minus the error of --reference; both signed and absolute.
+    M_A is the integral of the error, M_B that of its difference from the error of --reference; signed and absolute.
     Also MAE and RMSE.
 
     The window: --from and --to; else --phase; else the phases named 'step'; else the step found in the log.

@@ -39,7 +39,7 @@ TEMPLATES: Mapping[Kind, Template] = {
     Kind.NEXT_FLIGHT: "Next flight: {mission}; `quadctl suggest` simulates all missions and ranks them.",
     Kind.UNSEEN_BY_CHOICE: "On data that neither the fit nor the choice of effects has seen: {before:number} → "
     "{after:m/s²} on {data} ({searches} searches; {found:counts}).",
-    Kind.SEEN_BY_CHOICE: "The effects were chosen by these same held-out errors, which may thus be too small: "
+    Kind.SEEN_BY_CHOICE: "The effects were chosen by the held-out error, which may thus be too small: "
     "--nested tests that, several times slower.",
     Kind.WHOLE_FLIGHTS: "With whole flights held out, per-flight bias not removed: {before:number} → {after:m/s²}.",
     Kind.PART_SEARCHED: "The search used {searched} of {all} samples, in stretches spread over the flights: errors are "

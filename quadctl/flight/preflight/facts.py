@@ -74,9 +74,9 @@ class Kind(Kinds, words=_WORDS):
     TILT_BEYOND_GUARD = "the controller may lean further than the guard allows, expected a guard above its limit"
     LEANS_LESS = "the controller leans less and falls behind"
     THRUST = (
-        "up to {thrust_n:.1f} N, {share:.0%} of {most_n:.1f} N, with throttle {throttle:.2f} "
+        "up to {thrust_n:.1f} N, {share:.0%} of the most that the rotors give, with throttle {throttle:.2f} "
         + _WHERE
-        + "; hover {hover:.0%}"
+        + "; hover needs {hover:.0%}"
     )
     TOO_WEAK = "the rotors give {most_n:.1f} N, max_throttle is {max_throttle:g}"
     LITTLE_THRUST = "more than {margin:.0%} leaves little for attitude control"
@@ -102,8 +102,8 @@ class Kind(Kinds, words=_WORDS):
     NOT_AHEAD = "look_ahead is false: the reference is fed forward at its own time"
     AHEAD = "the force to the side follows {lag_s:.2f} s later, and the reference is looked at ahead"
     NO_RESPONSE = (
-        "no look-ahead, so the vehicle follows late, as the lag of its attitude is not known ('{vehicle}' has no "
-        "attitude_response); "
+        "lag of the attitude not known ('{vehicle}' has no attitude_response), so no look-ahead: the vehicle follows "
+        "late; "
         "`quadctl fit` finds the lag in a log of the mission `excitation`"
     )
     NO_DRAG = "lag {lag_s:.2f} s, but no drag in the model: no look-ahead, so the vehicle follows late"

@@ -106,8 +106,8 @@ class Comparison(Result):
         if self.fails_where:
             shown = told(self.fails_where, SHOWN_FAILURES)
             lines.append(
-                "Where the model fails, the largest share of the error first (n sigma: a mean is n standard errors "
-                "from zero or, in a range of a variable, from the average of the flight):"
+                "Where the model fails, the largest share of the squared error first (n sigma: a mean is n standard "
+                "errors from zero or, in a range of a variable, from the average of the flight):"
             )
             lines += [f"  - {failure.said} ({abs(failure.sigma):.0f} sigma)" for failure in shown]
             if len(self.fails_where) > SHOWN_FAILURES:

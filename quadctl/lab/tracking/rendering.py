@@ -40,7 +40,9 @@ def render(result: MetricsTable) -> RenderableType:
     more than once."""
     notes = ["M_A: integral of the error."]
     if any(flight.m_b_absolute is not None for flight in result.flights):
-        notes = ["M_A: integral of the error. M_B: integral of the error minus that of the reference flight."]
+        notes = [
+            "M_A: integral of the error. M_B: integral of the difference between this error and the reference flight's."
+        ]
     notes += [f"{note}." for note in result.notes]
     return Group(*(Text(str(found)) for found in _answer(result)), _table(result), *(Text(note) for note in notes))
 

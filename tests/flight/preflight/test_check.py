@@ -60,7 +60,7 @@ def test_a_fit_flight_passes_with_its_numbers(tmp_path: Path) -> None:
     assert {finding.verdict for finding in findings} == {Verdict.OK}
     texts = found(findings, Verdict.OK)
     # climb with 2 m/s^2: 1.5 kg (9.81 + 2.0) = 17.7 N of 4 x 8.9764 N
-    assert texts["thrust"].startswith("up to 17.7 N, 49% of 35.9 N, with throttle 0.59")
+    assert texts["thrust"].startswith("up to 17.7 N, 49% of the most that the rotors give, with throttle 0.59")
     assert texts["speed"].startswith("up to 0.50 m/s (climb 0.50, descent 0.00, setpoint steps not counted)")
     assert texts["battery"] == "12 s of flight, the vehicle hovers for 300 s, lands below 14 V"
 
