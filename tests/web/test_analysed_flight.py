@@ -86,7 +86,7 @@ def test_an_effect_is_switched_off_and_on_and_removed(visitor: Visitor) -> None:
     visitor.press("button[aria-label^='Remove ground_effect']")
     visitor.sees(".step.here:has-text('\N{MINUS SIGN} ground effect')")
     assert visitor.error_now() > 2.0 * after
-    visitor.sees("text=None yet: the rigid body")
+    visitor.sees("text=No effect yet: raptor is a rigid body")
     visitor.waits_until_done()
     stand_on(visitor, "+ ground effect")
     assert visitor.error_now() == after
