@@ -100,7 +100,8 @@ def is_captured(flight: Flight) -> bool:
 
 
 def bounds(flight: Flight) -> tuple[Floats, Floats]:
-    """Lowest and highest value of each nuisance of a flight, shape (kinds,) each."""
+    """Lowest and highest value of each nuisance of a flight, shape (kinds,) each: two standard deviations of the delay,
+    where that is more than its bound in `KINDS`."""
     low, high = LOWEST.copy(), BOUND.copy()
     high[AGE] = max(high[AGE], 2.0 * prior_std(flight)[AGE])
     # Roll and pitch only: a centre of mass does not turn about yaw.

@@ -159,7 +159,7 @@ def _exchanged(subsets: Subsets, first_order: FirstOrder, best: Subset) -> list[
 
 def _on_top(subsets: Subsets, best: Subset, progress: Progress) -> list[Subset]:
     """Subsets that hold, with one more effect than the best: of each family the forms that do best to first
-    order, where that is better than noise: of forms that do alike, one may be significant where another is not."""
+    order, where that is better than noise. Of forms that do alike, one may be significant where another is not."""
     others = _others(subsets, best)
     first_order = FirstOrder(subsets.fit(best), others, subsets.rule)
     score_of = {kind: first_order.score(frozenset({kind})) for kind in others}

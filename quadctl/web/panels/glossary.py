@@ -12,7 +12,7 @@ GLOSSARY = {
         "and predicts this part. Every part is set aside once, so no error is computed on data that the fit has seen."
     ),
     "reference error": (
-        "What remains, on data not used in its fit, when a flexible regression predicts acceleration from everything "
+        "What remains, on data not used in its fit, when a flexible regression predicts the residual from all "
         "that was logged: sensor noise, vibration, gusts that nobody measured. A good model comes close to it; one "
         "that holds the right physics can be below it."
     ),

@@ -38,7 +38,7 @@ class Said(Kinds, words=_WORDS):
     APART_BY = "{name} by {least}{size:.2g}{unit}"
     AT_LIMIT = "The per-flight bias reaches its bound: {nuisances:listed}."
     OF_FLIGHTS = "{name} ({flights:listed})"
-    MORE_IS = "The data do not support an effect {family:family} (p {p:p})."
+    MORE_IS = "The data do not show a missing {family:family} (p {p:p})."
     FACTOR_ONE = "Far from the ground the thrust of the model is that of the vehicle file: factor 1."
     FACTOR = (
         "Far from the ground the thrust of the model is {factor:.3f} times that of the vehicle file. The curve "
@@ -57,7 +57,7 @@ class Said(Kinds, words=_WORDS):
         By("better", {True: "Better"}, "Not better"),
         " with the compensator: the difference from the same step flown high up, which is what the ground does, "
         "changes by {drop:change} (M_B from {without_m_s:.3f} to {compensated_m_s:.3f} m s). The RMSE of the whole "
-        "tracking error, to which the step itself contributes most, changes by {rmse_drop:change}.",
+        "tracking error, which includes the step itself, changes by {rmse_drop:change}.",
     )
     SHARE = "explains {share:percent} of the squared error of this axis, {of_all:percent} of that of all axes, p {p:p}"
     FITTED_TOGETHER = (

@@ -83,7 +83,7 @@ class TestOfAllFlights:
 
 
 class TestDelaysThatNoFlightShows:
-    """Of a steady sway at w rad/s, a rotor signal that is late by t looks like a drag of t w^2 1/s."""
+    """A rotor signal that is late by t looks like a drag of t w^2 1/s, if the flight sways steadily at w rad/s."""
 
     def test_a_late_rotor_signal_is_no_drag(self, rigid: Model) -> None:
         data = load_dataset([swaying(rigid, late_s=0.06)], rigid.vehicle)
