@@ -7,14 +7,15 @@ from collections.abc import Mapping
 from enum import unique
 
 from quadctl.lab.comparison.reservations import vehicle_in_words
-from quadctl.lab.comparison.wording import FORMATS, IF_IT_FLEW, listed, parameters_in_words, plain, sentence
+from quadctl.lab.comparison.wording import FORMATS, IF_IT_FLEW, estimate, listed, parameters_in_words, plain, sentence
 from quadctl.lab.finding import Finding, Kind
 from quadctl.lab.flights.flight import SPAN_NAMES
 from quadctl.vehicle import Vehicle
 from quadctl.words import By, Fact, Format, Kinds, Template, When, Words
 
+_FAMILIES = When("alternatives", "{alternatives:alternatives}", "{families:families}")
 _VERDICTS: Mapping[Kind, Template] = {
-    Kind.MISSING: ("Missing: ", When("alternatives", "{alternatives:alternatives}", "{families:families}")),
+    Kind.MISSING: ("Missing: ", _FAMILIES),
     Kind.ONLY_SMALL: "Nothing that matters much is missing; measured, but small: {families:families}",
     Kind.NONE: "No known effect is missing: none reduces the held-out error enough to matter",
     Kind.UNEXPLAINED: "Something is missing that no known effect explains",
@@ -116,7 +117,7 @@ _FORMATS: Mapping[str, Format] = {
     "unit": lambda unit: str(unit).replace("^2", "²"),
     "span": lambda name: str(SPAN_NAMES.get(name, name)),
     "Semicolons": lambda parts: sentence("; ".join(map(str, parts))),
-    "value": lambda found: "{:.4g} [{:.4g}, {:.4g}]".format(*found),
+    "value": lambda found: " ".join(estimate(found[0], found[1:])),
     "sign": lambda p: "< 1e-4" if p < 1e-4 else f"= {p:.2g}",
 }
 
@@ -129,6 +130,7 @@ class Answer(Kinds, words=_WORDS):
     """Answers of an analysis that are no findings of a diagnosis, each with its template."""
 
     ADDED = "Added to {model}: {families:families}."
+    FOUND_AND_ADDED = ("Found and added: ", _FAMILIES, IF_IT_FLEW, ".")
     LEAVE_OUT = ("{effect} does not lower the held-out error significantly: leave it out", IF_IT_FLEW, ".")
     LOWERS = ("{effect} lowers the held-out error by {drop:percent}", IF_IT_FLEW, ".")
     ON_FLIGHTS = "on {flights:flights}"

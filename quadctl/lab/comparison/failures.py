@@ -150,6 +150,12 @@ class Profile:
     cause."""
 
 
+    def means(self, dataset: Dataset) -> Floats:
+        """Mean residual of the bin of each sample, m/s^2, shape (n,)."""
+        x = np.asarray(dataset.variable(self.variable))
+        return self.mean[np.clip(np.searchsorted(self.edges, x, side="right") - 1, 0, len(self.mean) - 1)]
+
+
 def profiles(residual: Floats, noise: Floats, dataset: Dataset) -> list[Profile]:
     """Profiles of every axis over every variable, sorted by the share of the squared residual that they hold."""
     found = []
@@ -179,7 +185,8 @@ def is_telling(profile: Profile) -> bool:
 
 def failures(residual: Floats, noise: Floats, dataset: Dataset, tried: list[Profile]) -> list[Failure]:
     """Failures of the model: axes with an offset over the whole flight, then ranges, the profile with the largest share
-    first; before those of the first profile of an axis the dependence on its variable."""
+    first; before those of the first profile of an axis the dependence on its variable. A range of another variable of
+    which that dependence explains most is not told."""
     found = []
     correlated = Noise(noise, dataset.parts)
     everywhere = _standard_errors(np.ones(len(residual), dtype=bool), correlated)
@@ -190,6 +197,7 @@ def failures(residual: Floats, noise: Floats, dataset: Dataset, tried: list[Prof
     found.sort(key=lambda failure: -abs(failure.mean_residual))
     offsets = {failure.axis: failure.mean_residual for failure in found}
     depend: set[str] = set()
+    left = residual.copy()  # beside the dependences
     # Of many profiles some are below any p-value by chance; several variables that go together are no chance.
     chances = _adjusted(np.array([profile.p_value for profile in tried]))
     for profile, chance in zip(tried, chances, strict=True):
@@ -200,11 +208,13 @@ def failures(residual: Floats, noise: Floats, dataset: Dataset, tried: list[Prof
             runs = [
                 replace(run, square_m2_s4=run.n * (run.mean_residual - about) ** 2)
                 for run in _runs(profile, residual[:, a], correlated, dataset)
+                if not _is_explained(run, residual[:, a], left[:, a], dataset)
             ]
         if chance < FALSE_SHARE and is_telling(profile) and profile.axis not in depend:
             depend.add(profile.axis)
             largest = max(runs, key=lambda run: run.square_m2_s4, default=_largest_bin(profile, about))
             found.append(_dependence(profile, largest, residual[:, a], about))
+            left[:, a] -= profile.means(dataset) - about
         found += sorted(runs, key=lambda failure: -abs(failure.sigma))
     return found
 
@@ -360,6 +370,15 @@ def _runs(profile: Profile, values: Floats, noise: Noise, dataset: Dataset) -> l
                 found.append(replace(run, stretches=most, flights=len(dataset.flights), average=level, at_edge=edges))
         start = stop
     return found
+
+
+def _is_explained(run: Failure, values: Floats, left: Floats, dataset: Dataset) -> bool:
+    """Tell whether most of the error of a range is gone from `left`, the residual `values` without the dependence that
+    is told of its axis; shapes (n,)."""
+    x = np.asarray(dataset.variable(run.variable))
+    inside = (x >= run.low) & (x <= run.high)
+    about = run.average
+    return bool((left[inside].mean() - about) ** 2 < (1.0 - MOST) * (values[inside].mean() - about) ** 2)
 
 
 def _dependence(profile: Profile, run: Failure, values: Floats, about: float) -> Failure:

@@ -1,6 +1,7 @@
 """Words of comparisons, for the terminal, the page and the report: formats of numbers, and one table of templates."""
 
-from collections.abc import Callable, Mapping, Sequence
+import math
+from collections.abc import Mapping, Sequence
 from enum import unique
 from typing import Any
 
@@ -69,10 +70,10 @@ def plus(value: float, decimals: int = 3) -> str:
 def parameters_in_text(effect: Effect, ci95: Mapping[str, tuple[float, float]]) -> str:
     """Fitted parameters with units and 95 % intervals: `a = 0.114 [0.1, 0.12], b = 5.4 1/m [5, 5.8]`."""
     values, units = effect.values(), {p.name: f" {p.unit}" if p.unit else "" for p in effect.parameters()}
-    parts = [
-        f"{name} = {value_in_text(values[name])}{units[name]} {interval_in_words(values[name], ci, value_in_text)}"
-        for name, ci in ci95.items()
-    ]
+    parts = []
+    for name, ci in ci95.items():
+        value, interval = estimate_in_text(values[name], ci)
+        parts.append(f"{name} = {value}{units[name]} {interval}")
     return ", ".join(parts) or NO_PARAMETERS
 
 
@@ -83,12 +84,12 @@ def parameter_lines(parameters: Mapping[str, Mapping[str, Any]]) -> list[str]:
     """
     are_fitted = any(p["ci95"] for p in parameters.values())
     others = " (chosen)" if are_fitted else ""
-    return [
-        f"{name} = {p['value']:.4g}"
-        + (f" {p['unit']}" if p.get("unit") else "")
-        + (f" {interval_in_words(p['value'], tuple(p['ci95']))}" if p["ci95"] else others)
-        for name, p in parameters.items()
-    ]
+    lines = []
+    for name, p in parameters.items():
+        value, interval = estimate(p["value"], tuple(p["ci95"])) if p["ci95"] else (f"{p['value']:.4g}", "")
+        unit = f" {p['unit']}" if p.get("unit") else ""
+        lines.append(f"{name} = {value}{unit}{f' {interval}' if interval else others}")
+    return lines
 
 
 def parameters_in_words(parameters: Mapping[str, Mapping[str, Any]]) -> str:
@@ -96,18 +97,44 @@ def parameters_in_words(parameters: Mapping[str, Mapping[str, Any]]) -> str:
     return ", ".join(parameter_lines(parameters)) or "no parameters"
 
 
-def interval_in_words(value: float, ci95: tuple[float, float], shown: Callable[[float], str] = "{:.4g}".format) -> str:
-    """95 % interval of a value, `[0.10, 0.12]`; that of a parameter at a bound has one end, `(at its bound; at most
-    0.12)`."""
+def estimate(value: float, ci95: tuple[float, float]) -> tuple[str, str]:
+    """An estimate and its 95 % interval, `0.114` and `[0.100, 0.121]`, both to the decimal of the second digit of half
+    the interval, as more would be noise, and with four digits at most.
+
+    That of a parameter at a bound has one end, `(at its bound; at most 0.12)`.
+    """
     low, high = ci95
+
+    def shown(x: float) -> str:
+        return with_decimals(x, _decimals(0.5 * (high - low)))
+
     if low < high and value in ci95:
-        return f"(at its bound; at most {shown(high)})" if value == low else f"(at its bound; at least {shown(low)})"
-    return f"[{shown(low)}, {shown(high)}]"
+        end = f"at most {shown(high)}" if value == low else f"at least {shown(low)}"
+        return shown(value), f"(at its bound; {end})"
+    return shown(value), f"[{shown(low)}, {shown(high)}]"
 
 
-def value_in_text(value: float) -> str:
-    """Format the value of a parameter; less than a millionth is shown as 0, which the solver has not quite reached."""
-    return f"{value if abs(value) > 1e-6 else 0.0:.4g}".replace("-", "\u2212")
+def estimate_in_text(value: float, ci95: tuple[float, float] | None) -> tuple[str, str]:
+    """As `estimate`, with a true minus sign; without an interval, the value with four digits.
+
+    Less than a millionth is shown as 0, which the solver has not quite reached.
+    """
+    value = value if abs(value) > 1e-6 else 0.0
+    shown, interval = (f"{value:.4g}", "") if ci95 is None else estimate(value, ci95)
+    return shown.replace("-", "\u2212"), interval.replace("-", "\u2212")
+
+
+def _decimals(size: float) -> int:
+    """Decimals with which a number of this size has two digits; many for 0, or what is no number."""
+    return 1 - math.floor(math.log10(size)) if 0.0 < size < math.inf else 9
+
+
+def with_decimals(x: float, decimals: int) -> str:
+    """Format with so many decimals, negative ones before the point, but with four significant digits at most."""
+    most = 3 - math.floor(math.log10(abs(x))) if x and math.isfinite(x) else 0
+    decimals = min(decimals, most)
+    is_usual = 1e-4 <= abs(x) < 1e4
+    return f"{round(x, decimals) + 0.0:.{decimals}f}" if is_usual and decimals > 0 else f"{round(x, decimals):.4g}"
 
 
 def flights_in_words(names: Sequence[str]) -> str:

@@ -13,7 +13,7 @@ from rich.text import Text
 from quadctl.effects import Effect
 from quadctl.lab.comparison.comparison import Comparison, compare
 from quadctl.lab.comparison.wording import on_terminal, parameter_lines
-from quadctl.lab.finding import Kind, parameters_of
+from quadctl.lab.finding import Finding, Kind, parameters_of
 from quadctl.lab.fitting.fitted_model import fit_model
 from quadctl.lab.fitting.flexible_regression import flexible_residual, noise_floor
 from quadctl.lab.flights.dataset import Dataset
@@ -22,8 +22,9 @@ from quadctl.lab.results import Result, errors_table
 from quadctl.lab.selection.addition import Addition, add
 from quadctl.lab.selection.diagnosis import Diagnosis, diagnose_fit
 from quadctl.lab.selection.wording import p_in_table
-from quadctl.lab.words import in_words
+from quadctl.lab.words import Answer, in_words
 from quadctl.model import Model
+from quadctl.words import Fact, fact
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -72,10 +73,14 @@ class Discovery(Result):
         table = errors_table("Held-out acceleration error of each model of the sequence", [*sequence, floor])
         effects = [self._effects_table()] if self.model.stack else []
         answer, notes = (
-            Text(on_terminal("\n".join(map(in_words, found))))
-            for found in ([f for f in self.diagnosis.answer if f.kind is not Kind.EFFECT], self.diagnosis.notes)
+            Text(on_terminal("\n".join(map(in_words, found)))) for found in (self._answer(), self.diagnosis.notes)
         )
         return Group(answer, *effects, table, notes)
+
+    def _answer(self) -> list[Finding | Fact]:
+        """Findings of the diagnosis without the effects, which have a table; what it calls missing is added now."""
+        told = [found for found in self.diagnosis.answer if found.kind is not Kind.EFFECT]
+        return [fact(Answer.FOUND_AND_ADDED, **f.facts) if f.kind is Kind.MISSING else f for f in told]
 
     def _effects_table(self) -> Table:
         """Parameters with which the model is saved; on a terminal of 80 columns one parameter a line."""

@@ -9,7 +9,7 @@ from nicegui import ui
 from quadctl.lab.arrays import Mask
 from quadctl.lab.comparison.reservations import is_of_the_thrust
 from quadctl.lab.comparison.wording import Said as Compared
-from quadctl.lab.comparison.wording import bias_of, interval_in_words, number, plain, plus, value_in_text
+from quadctl.lab.comparison.wording import bias_of, estimate_in_text, number, plain, plus
 from quadctl.lab.evaluation import Evaluation
 from quadctl.lab.fitting.nuisances import KINDS, bounds
 from quadctl.lab.flights.dataset import Dataset
@@ -131,11 +131,11 @@ def _draw_effect(do: Controls, item: StackedEffect, alike: Sequence[str], on: bo
         with tag("dl", "parameters"):
             for name, value in effect.values().items():
                 tag("dt", "", name)
+                shown, interval = estimate_in_text(value, ci95.get(name))
                 with tag("dd"):
-                    tag("span", "", f"{value_in_text(value)} {units[name]}".strip())
-                    if name in ci95:
-                        words = f" {interval_in_words(value, ci95[name], value_in_text)}"
-                        tag("span", "muted", words).props('title="95% confidence interval"')
+                    tag("span", "", f"{shown} {units[name]}".strip())
+                    if interval:
+                        tag("span", "muted", f" {interval}").props('title="95% confidence interval"')
 
 
 def _draw_errors(evaluation: Evaluation) -> None:

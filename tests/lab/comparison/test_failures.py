@@ -152,6 +152,29 @@ def test_the_variable_that_the_error_goes_with_comes_first(raptor: Vehicle) -> N
     assert offset.mean_residual == pytest.approx(0.2, abs=0.02)
 
 
+def test_a_range_is_told_beside_a_dependence_where_it_has_a_cause_of_its_own(raptor: Vehicle) -> None:
+    """The thrust goes with the climb rate, on which the error depends; low flight has a cause of its own."""
+    data = load_dataset([obedient(Model(raptor), 60.0, noise_m_s=0.01, name="a.csv")], raptor)
+    variables = data.flights[0].variables
+    rate, height = variables["climb_rate"], variables["height_over_radius"]
+    random = np.random.default_rng(2)
+    variables["thrust"] = 14.0 + rate + random.normal(0.0, 0.02, len(rate))
+    residual = random.normal(0.0, 0.05, data.measured.shape)
+    residual[:, 2] += 0.5 * (rate > 0.5 * rate.max())
+
+    def ranges() -> set[str]:
+        noise = residual - flexible_residual(residual, data, data.causes)
+        found = failures(residual, noise, data, profiles(residual, noise, data))
+        depend = [failure.variable for failure in found if failure.kind == "dependence" and failure.axis == "up"]
+        assert depend in (["climb_rate"], ["thrust"])
+        return {f.variable for f in found if f.kind == "range" and f.axis == "up"} - {*depend}
+
+    assert not ranges() & {"climb_rate", "thrust"}
+    residual[:, 2] += 0.3 * (height < np.quantile(height, 0.3))
+    assert "height_over_radius" in ranges()
+    assert not ranges() & {"climb_rate", "thrust"}
+
+
 def test_the_largest_error_is_told_even_where_others_hold_more_of_the_squared_error() -> None:
     def failure(mean: float, n: int) -> Failure:
         return Failure("up", "time", 0.0, 1.0, mean, 9.0, n, "offset", n * mean**2)
