@@ -149,7 +149,6 @@ class Profile:
     """Share of the axis' squared residual that lies in the bins' means; the larger, the closer the variable is to the
     cause."""
 
-
     def means(self, dataset: Dataset) -> Floats:
         """Mean residual of the bin of each sample, m/s^2, shape (n,)."""
         x = np.asarray(dataset.variable(self.variable))
