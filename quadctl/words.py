@@ -129,3 +129,33 @@ def nearest(word: str, known: Iterable[str]) -> str:
     """ " (did you mean 'x'?)", or nothing when no known word is near."""
     matches = difflib.get_close_matches(word, list(known), n=1, cutoff=0.5)
     return f" (did you mean '{matches[0]}'?)" if matches else ""
+
+
+def estimate(value: float, ci95: tuple[float, float]) -> tuple[str, str]:
+    """An estimate and its 95 % interval, `0.114` and `[0.100, 0.121]`, both to the decimal of the second digit of half
+    the interval, as more would be noise, and with four digits at most.
+
+    That of a parameter at a bound has one end, `(at its bound; at most 0.12)`.
+    """
+    low, high = ci95
+
+    def shown(x: float) -> str:
+        return with_decimals(x, _decimals(0.5 * (high - low)))
+
+    if low < high and value in ci95:
+        end = f"at most {shown(high)}" if value == low else f"at least {shown(low)}"
+        return shown(value), f"(at its bound; {end})"
+    return shown(value), f"[{shown(low)}, {shown(high)}]"
+
+
+def _decimals(size: float) -> int:
+    """Decimals with which a number of this size has two digits; many for 0, or what is no number."""
+    return 1 - math.floor(math.log10(size)) if 0.0 < size < math.inf else 9
+
+
+def with_decimals(x: float, decimals: int) -> str:
+    """Format with so many decimals, negative ones before the point, but with four significant digits at most."""
+    most = 3 - math.floor(math.log10(abs(x))) if x and math.isfinite(x) else 0
+    decimals = min(decimals, most)
+    is_usual = 1e-4 <= abs(x) < 1e4
+    return f"{round(x, decimals) + 0.0:.{decimals}f}" if is_usual and decimals > 0 else f"{round(x, decimals):.4g}"

@@ -16,7 +16,7 @@ from quadctl.ground_curve.curves import SIGNIFICANCE, Fit, fit_all, p_same
 from quadctl.ground_curve.measurement import Measurement
 from quadctl.model import Model, Provenance
 from quadctl.vehicle import Vehicle
-from quadctl.words import Fact, Kinds, Words, fact, nearest, plain
+from quadctl.words import Fact, Kinds, Words, estimate, fact, nearest, plain
 
 POLE = "it is not finite at a height measured"
 AT_BOUND = "(at its bound)"
@@ -24,9 +24,12 @@ AT_BOUND = "(at its bound)"
 
 def _numbers(fit: Fit) -> str:
     """Numbers of a fit with their 95 % intervals."""
-    ends = {name: "[{:.4g}, {:.4g}]".format(*ci) for name, ci in fit.ci95.items()}
-    pairs = zip(fit.formula.names, fit.values, strict=True)
-    return ", ".join(f"{name} = {value:.4g} {ends.get(name, AT_BOUND)}" for name, value in pairs)
+    parts = []
+    for name, number in zip(fit.formula.names, fit.values, strict=True):
+        ci = fit.ci95.get(name)
+        value, interval = (f"{number:.4g}", AT_BOUND) if ci is None else estimate(number, ci)
+        parts.append(f"{name} = {value} {interval}")
+    return ", ".join(parts)
 
 
 def _percent(share: float) -> str:

@@ -7,11 +7,11 @@ from collections.abc import Mapping
 from enum import unique
 
 from quadctl.lab.comparison.reservations import vehicle_in_words
-from quadctl.lab.comparison.wording import FORMATS, IF_IT_FLEW, estimate, listed, parameters_in_words, plain, sentence
+from quadctl.lab.comparison.wording import FORMATS, IF_IT_FLEW, listed, parameters_in_words, plain, sentence
 from quadctl.lab.finding import Finding, Kind
 from quadctl.lab.flights.flight import SPAN_NAMES
 from quadctl.vehicle import Vehicle
-from quadctl.words import By, Fact, Format, Kinds, Template, When, Words
+from quadctl.words import By, Fact, Format, Kinds, Template, When, Words, estimate
 
 _FAMILIES = When("alternatives", "{alternatives:alternatives}", "{families:families}")
 _VERDICTS: Mapping[Kind, Template] = {

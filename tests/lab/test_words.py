@@ -28,7 +28,7 @@ def test_every_kind_has_a_template() -> None:
             Finding(Kind.MISSING, {"families": ["ground_effect", "rotor_drag"]}),
             "Missing: ground effect and rotor drag.",
         ),
-        (Finding(Kind.EFFECT, WEAK), "rotor_fault.weak: loss = 0.05 [0.04, 0.06], rotor = 3 (chosen)"),
+        (Finding(Kind.EFFECT, WEAK), "rotor_fault.weak: loss = 0.050 [0.040, 0.060], rotor = 3 (chosen)"),
         (
             Finding(Kind.ERROR, {"before": 1.208, "after": 0.4797, "drop": 0.603}),
             "Held-out acceleration error, per-flight bias removed: 1.21 → 0.480 m/s² (\u221260%).",
@@ -43,8 +43,8 @@ def test_every_kind_has_a_template() -> None:
                     "depends_on": ["height_over_radius", "climb_rate"],
                 },
             ),
-            "Measured, but small in these flights: rotor_fault.weak, loss = 0.05 [0.04, 0.06], rotor = 3 (chosen); or, "
-            "explaining as much, thrust_tilt.fixed. Held-out error: 0.200 → 0.150 m/s²; alone it moves the vehicle "
+            "Measured, but small in these flights: rotor_fault.weak, loss = 0.050 [0.040, 0.060], rotor = 3 (chosen); "
+            "or, explaining as much, thrust_tilt.fixed. Held-out error: 0.200 → 0.150 m/s²; alone it moves the vehicle "
             "0.1 m off after 2.3 s. It matters more over larger ranges of rotor height and climb rate. "
             "`quadctl add rotor_fault.weak MODEL.yaml LOG... -o NEW.yaml` adds it.",
         ),

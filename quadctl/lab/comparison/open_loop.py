@@ -18,7 +18,7 @@ from scipy.ndimage import gaussian_filter1d
 from quadctl.effects import Conditions
 from quadctl.frames import ned_from_neu, rotate, rotate_inverse
 from quadctl.lab.arrays import Floats
-from quadctl.lab.comparison.wording import Said
+from quadctl.lab.comparison.wording import Said, number
 from quadctl.lab.fitting.bootstrap import Estimate, estimates
 from quadctl.lab.flights.dataset import Dataset
 from quadctl.lab.flights.flight import Flight
@@ -86,9 +86,9 @@ def open_loop_table(by_horizon: Sequence[OpenLoop]) -> Table:
         ends = (e.velocity["total"], e.held_position["total"])
         table.add_row(
             f"{e.horizon_s:g} s",
-            *(f"{part.rmse:.3g}" for part in parts),
+            *(number(part.rmse) for part in parts),
             e.position["total"].in_words(),
-            *(f"{end.rmse:.3g}" for end in ends),
+            *(number(end.rmse) for end in ends),
         )
     return table
 

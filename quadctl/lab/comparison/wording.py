@@ -1,6 +1,5 @@
 """Words of comparisons, for the terminal, the page and the report: formats of numbers, and one table of templates."""
 
-import math
 from collections.abc import Mapping, Sequence
 from enum import unique
 from typing import Any
@@ -10,7 +9,7 @@ from quadctl.frames import GRAVITY_M_S2
 from quadctl.lab.flights.dataset import FOLDS, Dataset
 from quadctl.lab.flights.flight import VARIABLE_NAMES, VARIABLE_UNITS
 from quadctl.lab.flights.preparation import BLOCK_S
-from quadctl.words import By, Fact, Format, Kinds, Template, When, Words, fact
+from quadctl.words import By, Fact, Format, Kinds, Template, When, Words, estimate, fact
 
 UNIT = "m/s²"
 FLOOR = "what a regression of the residual on all logged variables leaves, held out; the least of all model steps"
@@ -97,23 +96,6 @@ def parameters_in_words(parameters: Mapping[str, Mapping[str, Any]]) -> str:
     return ", ".join(parameter_lines(parameters)) or "no parameters"
 
 
-def estimate(value: float, ci95: tuple[float, float]) -> tuple[str, str]:
-    """An estimate and its 95 % interval, `0.114` and `[0.100, 0.121]`, both to the decimal of the second digit of half
-    the interval, as more would be noise, and with four digits at most.
-
-    That of a parameter at a bound has one end, `(at its bound; at most 0.12)`.
-    """
-    low, high = ci95
-
-    def shown(x: float) -> str:
-        return with_decimals(x, _decimals(0.5 * (high - low)))
-
-    if low < high and value in ci95:
-        end = f"at most {shown(high)}" if value == low else f"at least {shown(low)}"
-        return shown(value), f"(at its bound; {end})"
-    return shown(value), f"[{shown(low)}, {shown(high)}]"
-
-
 def estimate_in_text(value: float, ci95: tuple[float, float] | None) -> tuple[str, str]:
     """As `estimate`, with a true minus sign; without an interval, the value with four digits.
 
@@ -122,19 +104,6 @@ def estimate_in_text(value: float, ci95: tuple[float, float] | None) -> tuple[st
     value = value if abs(value) > 1e-6 else 0.0
     shown, interval = (f"{value:.4g}", "") if ci95 is None else estimate(value, ci95)
     return shown.replace("-", "\u2212"), interval.replace("-", "\u2212")
-
-
-def _decimals(size: float) -> int:
-    """Decimals with which a number of this size has two digits; many for 0, or what is no number."""
-    return 1 - math.floor(math.log10(size)) if 0.0 < size < math.inf else 9
-
-
-def with_decimals(x: float, decimals: int) -> str:
-    """Format with so many decimals, negative ones before the point, but with four significant digits at most."""
-    most = 3 - math.floor(math.log10(abs(x))) if x and math.isfinite(x) else 0
-    decimals = min(decimals, most)
-    is_usual = 1e-4 <= abs(x) < 1e4
-    return f"{round(x, decimals) + 0.0:.{decimals}f}" if is_usual and decimals > 0 else f"{round(x, decimals):.4g}"
 
 
 def flights_in_words(names: Sequence[str]) -> str:
@@ -342,7 +311,7 @@ class Said(Kinds, words=Words(FORMATS)):
     ASSUMED = "Assumed, and not measured: {names:listed}"
     OPEN_LOOP = (
         "A prediction over {horizon_s:g} s, not corrected by measurements, misses the position by {position} (RMSE); "
-        "a constant velocity misses it by {held_m:.3g} m."
+        "a constant velocity misses it by {held_m:number} m."
     )
     LOOKS_LIKE = "Looks like {families:families}: these data do not distinguish them."
 

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from quadctl.lab.arrays import Floats
+from quadctl.words import estimate
 
 RESAMPLES = 1000
 FEWEST_BLOCKS = 4
@@ -23,8 +24,10 @@ class Estimate:
         """Format value and interval, such as `0.31 m [0.27, 0.35]`."""
         if not np.isfinite(self.rmse):
             return "unbounded"
-        value = f"{self.rmse:.3g} {unit}".rstrip()
-        return value if self.ci95 is None else f"{value} [{self.ci95[0]:.3g}, {self.ci95[1]:.3g}]"
+        value, interval = (
+            (f"{self.rmse:#.3g}".removesuffix("."), "") if self.ci95 is None else estimate(self.rmse, self.ci95)
+        )
+        return " ".join(filter(None, (value, unit, interval)))
 
     def to_dict(self) -> dict[str, float | list[float] | None]:
         finite = bool(np.isfinite(self.rmse))

@@ -142,7 +142,7 @@ class TestUncertainty:
         assert (error.rmse, error.ci95) == (2.0, None)
 
     def test_it_reads_as_a_number_with_its_unit_and_interval(self) -> None:
-        assert Estimate(0.31, (0.27, 0.352)).in_words("m") == "0.31 m [0.27, 0.352]"
+        assert Estimate(0.31, (0.27, 0.352)).in_words("m") == "0.310 m [0.270, 0.352]"
         assert Estimate(math.inf, None).in_words("m") == "unbounded"
         assert Estimate(math.inf, None).to_dict() == {"rmse": None, "ci95": None}
 
@@ -150,7 +150,7 @@ class TestUncertainty:
 class TestCompare:
     def test_it_says_how_far_off_a_simulation_would_be(self, raptor: Vehicle) -> None:
         result = compare(Model(raptor), data(hover(raptor, 1.02), vehicle=raptor))
-        assert "A prediction over 2 s, not corrected by measurements, misses the position by 0.392 m" in " ".join(
+        assert "A prediction over 2 s, not corrected by measurements, misses the position by 0.3923 m" in " ".join(
             str(result).split()
         )
         found = result.to_dict()["open_loop"]

@@ -13,7 +13,7 @@ from quadctl.effects.inflow import AxialInflow
 from quadctl.effects.rotor_drag import LinearDrag
 from quadctl.effects.tether import HangingTether
 from quadctl.effects.thrust_scale import ConstantScale
-from quadctl.lab.comparison.wording import estimate, parameters_in_text, parameters_in_words
+from quadctl.lab.comparison.wording import parameters_in_text, parameters_in_words
 from quadctl.lab.finding import parameters_of
 from quadctl.lab.flights.dataset import Dataset, load_dataset
 from quadctl.lab.selection.diagnosis import Diagnosis
@@ -21,6 +21,7 @@ from quadctl.lab.selection.discovery import Discovery, discover
 from quadctl.model import Model
 from quadctl.vehicle import Vehicle
 from quadctl.web.session.findings import Findings
+from quadctl.words import estimate
 from tests.support.flights import obedient, to_and_fro
 
 CANDIDATES = (ConstantScale, Exponential, LinearDrag, AxialInflow, HangingTether)
