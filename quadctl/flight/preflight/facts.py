@@ -76,7 +76,7 @@ class Kind(Kinds, words=_WORDS):
     THRUST = (
         "up to {thrust_n:.1f} N, {share:.0%} of the most that the rotors give, with throttle {throttle:.2f} "
         + _WHERE
-        + "; hover needs {hover:.0%}"
+        + "; hover needs {hover:.0%} of the most"
     )
     TOO_WEAK = "the rotors give {most_n:.1f} N, max_throttle is {max_throttle:g}"
     LITTLE_THRUST = "more than {margin:.0%} leaves little for attitude control"

@@ -107,7 +107,7 @@ class Comparison(Result):
             shown = told(self.fails_where, SHOWN_FAILURES)
             lines.append(
                 "Where the model fails, the largest share of the squared error first (n sigma: a mean is n standard "
-                "errors from zero or, in a range of a variable, from the average of the flight):"
+                "errors from zero, or from the average where the line gives one):"
             )
             lines += [f"  - {failure.said} ({abs(failure.sigma):.0f} sigma)" for failure in shown]
             if len(self.fails_where) > SHOWN_FAILURES:

@@ -229,7 +229,7 @@ class Said(Kinds, words=Words(FORMATS)):
         When(
             "average",
             (
-                " (over all ranges: ",
+                " (on average over all samples: ",
                 By("axis", {"up": "{average_share:.1%}"}, "{average_m_s2:.2f} m/s²"),
                 ")",
             ),

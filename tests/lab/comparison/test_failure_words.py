@@ -17,7 +17,7 @@ def test_a_range_tells_where_and_by_how_much_of_the_weight() -> None:
     )
     assert str(LOW.said) == said
     beside = replace(LOW, average=0.49, stretches=(IN_LOW,))
-    assert str(beside.said) == f"{said} (over all ranges: 5.0%), mostly in low-1.csv (4 to 21 s)"
+    assert str(beside.said) == f"{said} (on average over all samples: 5.0%), mostly in low-1.csv (4 to 21 s)"
 
 
 @pytest.mark.parametrize(
