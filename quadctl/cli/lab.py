@@ -90,8 +90,8 @@ RolloutsOption = Annotated[
     bool,
     typer.Option(
         "--rollouts",
-        help="Also fit rotor lag, moments and thrust map to a part of the logs, and predict position, velocity, attitude "
-        "and rates over the rest from the commands alone; takes a minute or more.",
+        help="Also fit rotor lag, moments and thrust map to a part of the logs, and predict position, velocity, "
+        "attitude and rates over the rest from the commands alone; takes a minute or more.",
     ),
 ]
 JobsOption = Annotated[
