@@ -66,6 +66,7 @@ class Kind(StrEnum):
     """`effect`, `variable`, `needed`, `unit`."""
     # Reasons for which the decision rule has not called a candidate missing.
     NOT_FITTED = "not fitted"
+    """`chosen`: the formula of its family that explains more, where that is in the model."""
     NO_DROP = "no drop"
     NOT_SIGNIFICANT = "not significant"
     """`p`, `limit`."""

@@ -66,7 +66,10 @@ TEMPLATES: Mapping[Kind, Template] = {
     Kind.UNTRIED: "{effect} (it needs {variable:span} over a range of {needed:g} {unit}; in these data {span:.2g})",
     Kind.UNTRIED_FOLLOWS: "{effect} (it needs manoeuvres that change {variable:span} by {needed:g} {unit}; in these "
     "data mostly the controller's disturbance rejection changes it)",
-    Kind.NOT_FITTED: "it was not fitted: to first order it explains no more than noise, or less than another form",
+    Kind.NOT_FITTED: (
+        "it was not fitted: to first order it explains ",
+        When("chosen", "less than {chosen}", "no more than noise, or less than another formula of its family"),
+    ),
     Kind.NO_DROP: "it does not reduce the held-out error",
     Kind.NOT_SIGNIFICANT: "its gain is not significant: p {p:p}, expected below {limit:g}",
     Kind.ZERO: "these data do not show that {parameters:any} differs from 0",

@@ -180,7 +180,7 @@ def test_any_channel_is_found_by_its_name(visitor: Visitor) -> None:
 @at_the_desk
 def test_two_models_lie_over_each_other(visitor: Visitor, session: Path, tmp_path: Path) -> None:
     stand_on(visitor, "+ ground effect")
-    exported = visitor.keeps_file("header button:has-text('Export model')", tmp_path)
+    exported = visitor.keeps_file("header button:has-text('Save model')", tmp_path)
     stand_on(visitor, "rigid body")
     visitor.click("[role=tab]:has-text('Over time')")
     figure = visitor.figure("Flight over time")

@@ -565,7 +565,7 @@ class TestOpenTab:
     def test_a_bar_says_where_its_error_is_of_a_model_as_it_stands(
         self, views: dict[str, View], tabs: Callable[[str, View], OpenTab]
     ) -> None:
-        said = "as it stands, fitted to other flights or none"
+        said = "not refitted to these flights"
         assert said not in str(tabs("missing", views["at first"]).shown)
         assert str(tabs("missing", views["an error as the model stands"]).shown).count(said) == 1
 
@@ -599,7 +599,7 @@ class TestOpenTab:
         tab.follow(views["the evidence for an effect"])
         assert len(tab.figures) == before + 1
         assert "What else was tried, and why it lost" in str(tab.shown)
-        assert "Ground effect is distinguished from confounded effects by hovering at many heights" in str(tab.shown)
+        assert "To distinguish ground effect from confounded effects: hovering at many heights" in str(tab.shown)
         tab.follow(views["at first"])
         assert len(tab.figures) == before
 
@@ -608,12 +608,12 @@ class TestOpenTab:
     ) -> None:
         view = views["the evidence for an effect"]
         unknown = str(tabs("missing", view).shown)
-        assert "Ground effect is distinguished from confounded effects by" in unknown
+        assert "To distinguish ground effect from confounded effects:" in unknown
         assert "quadctl fly" not in unknown  # which mission adds most is not known yet
         suggestion = views["a suggestion"].results.suggestion
         known = str(tabs("missing", replace(view, results=replace(view.results, suggestion=suggestion))).shown)
         assert "this mission tells most" in known
-        assert "Ground effect is distinguished from confounded effects" not in known  # which is another question
+        assert "To distinguish ground effect from confounded effects" not in known  # which is another question
 
     def test_an_effect_in_the_model_has_evidence_too(
         self, views: dict[str, View], tabs: Callable[[str, View], OpenTab]
@@ -648,7 +648,7 @@ class TestOpenTab:
         view = views["the evidence for an effect"]
         assert view.gathered is not None
         shown = str(tabs("missing", view).shown)
-        assert "Figures and errors are of one fit of all parameters together" in shown
+        assert "The figures are of one fit of the effect together with" in shown
         assert f"changes by {view.gathered.evidence.drop_in_words} (95%)" in shown
         assert "Numbers of the search that found it" in shown
 
@@ -810,7 +810,10 @@ class TestOpenTab:
             worst, other = sorted(("north", "east", "up"), key=errors.__getitem__)[:0:-1]
             view = choosing(views["at first"], flight=name, axis=worst)
             shown = str(tabs("missing", view).shown)
-            assert f"Error in this flight, all axes: {quantity(errors['total'])}; shown: {worst}" in shown
+            assert (
+                f"Error in this flight, all axes: {quantity(errors['total'])}; of the axis that is plotted, {worst}"
+                in shown
+            )
             assert "the axis with the largest error." in shown
             shown = str(tabs("missing", choosing(view, axis=other)).shown)
             assert f"It is largest {worst}: {quantity(errors[worst])}." in shown
@@ -852,10 +855,10 @@ class TestOpenTab:
 
     def test_a_model_outlives_its_flights(self, views: dict[str, View], tabs: Callable[[str, View], OpenTab]) -> None:
         empty, session = views["nothing yet"], views["at first"].session
-        assert "Export model" not in tabs("missing", empty).buttons
-        assert "Export model" not in tabs("missing", replace(empty, session=session.at(0))).buttons  # a rigid body
+        assert "Save model" not in tabs("missing", empty).buttons
+        assert "Save model" not in tabs("missing", replace(empty, session=session.at(0))).buttons  # a rigid body
         kept = tabs("missing", replace(empty, session=session)).buttons
-        assert "Export model" in kept and "Report" not in kept
+        assert "Save model" in kept and "Report" not in kept
 
     def test_the_vehicle_in_use_is_confirmed_and_not_begun_with_again(
         self, views: dict[str, View], tabs: Callable[[str, View], OpenTab]
@@ -1058,8 +1061,8 @@ class TestOpenTab:
         compensated = SimpleNamespace(m_b_absolute=0.078, rmse_m=0.144)
         steps = cast(Any, SimpleNamespace(flown={WITHOUT: without, WITH: compensated}))
         said = str(answer(model, steps))
-        assert said.startswith("Better with the compensator: the difference from the same step flown high up")
-        assert "changes by \u221269% (M_B from 0.249 to 0.078 m s)." in said and said.endswith("changes by \u22123%.")
+        assert said.startswith("Better with the compensator: the part of the error that the ground causes")
+        assert "changes by \u221269%, from 0.249 to 0.078 m s." in said and said.endswith("changes by \u22123%.")
         worse = cast(Any, SimpleNamespace(flown={WITHOUT: compensated, WITH: without}))
         assert str(answer(model, worse)).startswith("Not better with the compensator")
         flat = replace(model, stack=()).plus(ConstantScale(1.2))

@@ -106,8 +106,8 @@ class Comparison(Result):
         if self.fails_where:
             shown = told(self.fails_where, SHOWN_FAILURES)
             lines.append(
-                "Where the model fails, the largest share of the squared error first (n sigma: a mean is n standard "
-                "errors from zero, or from the average where the line gives one):"
+                "Where the model fails, the largest share of the squared error first (n sigma: the largest mean of the "
+                "line is n standard errors from zero, or from the average over all samples that the line gives):"
             )
             lines += [f"  - {failure.said} ({abs(failure.sigma):.0f} sigma)" for failure in shown]
             if len(self.fails_where) > SHOWN_FAILURES:

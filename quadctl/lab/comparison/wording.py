@@ -12,7 +12,7 @@ from quadctl.lab.flights.preparation import BLOCK_S
 from quadctl.words import By, Fact, Format, Kinds, Template, When, Words, estimate, fact
 
 UNIT = "m/s²"
-FLOOR = "what a regression of the residual on all logged variables leaves, held out; the least of all model steps"
+FLOOR = "what a regression of the residual on all logged variables leaves, held out; the least of all models listed"
 """Meaning of the reference error; the steps are the models that were compared on these flights."""
 NO_PARAMETERS = "no free parameters"
 ERRORS = {"total": "acceleration error", "turning": "moment error", "sensing": "accelerometer error"}
@@ -237,7 +237,7 @@ class Said(Kinds, words=Words(FORMATS)):
         When("stretches", ", {stretches:stretches}"),
     )
     DEPENDENCE = (
-        "The {axis} residual depends on the {variable:variable} ({ends:and} on average): {share:.0%} of the squared "
+        "The {axis} residual depends on the {variable:variable} (mean {ends:and}): {share:.0%} of the squared "
         "error of this axis"
     )
     MEAN_AT = "{mean_m_s2:signed} m/s² at {at:end} {unit}"

@@ -91,7 +91,7 @@ class Said(Kinds):
 
     DISTINGUISHES = "It tells {one} from {other} by {sigma:.1f} standard deviations."
     IDENTIFIES = "It identifies {parameter}, which these flights do not, to {width}."
-    NARROWS = "It narrows the interval of {parameter} to {share:.0%} of its width."
+    NARROWS = "It is expected to narrow the 95 % interval of {parameter} to {share:.0%} of its width."
     LEFT_OUT = "Not compared: {reason}."
     SURFACE = (
         "The surface that is least known is {surface}; over it: quadctl fly missions/surface_heights.yaml --set "
@@ -237,7 +237,7 @@ def suggest(diagnosis: Diagnosis, missions: Path | str = Path("missions")) -> Su
     groups = dataset.groups
     after = [form.widths(information(best, flight, groups, noise, considering=True)) for _, _, flight in plans]
     asked = _widest(form.widths(), after)
-    names = [f"{f.parameter.name} of {best.effects[f.effect].name}" for f in free_parameters(best)]
+    names = [f"{f.parameter.name} ({best.effects[f.effect].name})" for f in free_parameters(best)]
     width = None if asked is None else float(form.widths()[asked])
     options = []
     for (mission, command, flight), widths in zip(plans, after, strict=True):

@@ -41,7 +41,7 @@ def step_tail(tracks: Mapping[str, Tracking], width_px: float = PANEL_PX) -> Fig
 
 def _draw_steps(ax: Axes, tracks: Mapping[str, Tracking]) -> None:
     first = next(iter(tracks.values()))
-    ax.plot(first.time_s, first.reference_m, color=BLACK, linewidth=1.0, linestyle="--", label="reference")
+    ax.plot(first.time_s, first.reference_m, color=BLACK, linewidth=1.0, linestyle="--", label="setpoint")
     for i, (name, track) in enumerate(tracks.items()):
         ax.plot(track.time_s, track.position_m, label=legend_name(name), **_step_line(i))
     ax.set_xlim(0.0, max(float(track.time_s[-1]) for track in tracks.values()))

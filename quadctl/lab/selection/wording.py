@@ -57,7 +57,8 @@ def reason_against(c: Candidate, chosen: Candidate | None) -> Finding:
     `chosen` is None where nothing was called missing.
     """
     if not c.fitted:
-        return Finding(Kind.NOT_FITTED)
+        is_form = chosen is not None and chosen.family == c.family
+        return Finding(Kind.NOT_FITTED, {"chosen": chosen.effect.name} if chosen is not None and is_form else {})
     if c.held_out_drop <= 0.0 or (c.held_out_drop < NO_GAIN and not is_significant(c.p_value)):
         return Finding(Kind.NO_DROP)
     if not is_significant(c.p_value):

@@ -25,7 +25,7 @@ def step_figure(steps: StepResponses, theme: Theme, close_up: bool) -> Figure:
     else:
         first = next(iter(steps.on_one_reference.values()))
         line = {"color": theme.measured, "dash": "dash", "width": 1}
-        reference = {"type": "scatter", "mode": "lines", "name": "reference", "x": first.time_s, "line": line}
-        data.insert(0, {**reference, "y": first.reference_m})
+        setpoint = {"type": "scatter", "mode": "lines", "name": "setpoint", "x": first.time_s, "line": line}
+        data.insert(0, {**setpoint, "y": first.reference_m})
         y_axis = axis("height / m", theme)
     return figure(data, theme, 300, xaxis=axis("time since the step / s", theme), yaxis=y_axis, hovermode="x")

@@ -91,8 +91,8 @@ class Evidence(Panel):
             tag("p", "", "Of all missions, by what their data would add to these flights about the whole model:")
             draw_suggestion(self.suggestion)
         else:
-            name = sentence(plain(shown.effect.family()))
-            tag("p", "", f"{name} is distinguished from confounded effects by {shown.effect.distinguished_by}.")
+            name = plain(shown.effect.family())
+            tag("p", "", f"To distinguish {name} from confounded effects: {shown.effect.distinguished_by}.")
             work_button(do, "Compare all missions", do.bench.suggest, "outline")
 
 
@@ -124,8 +124,8 @@ def _draw_losers(search: Diagnosed | None, name: str) -> None:
     tag(
         "p",
         "muted",
-        "Numbers of the search that found it: each effect was tried beside those found before, and p is corrected for "
-        f"all tried. {name} gave {change}, beside {_beside(shown)}.",
+        "Numbers of the search that found it: each effect was fitted together with those named, and p is corrected for "
+        f"all tried. {name} gave {change}, together with {_beside(shown)}.",
     )
     _draw_reasons(losers[:LOSERS], [shown, *winners])
     if losers[LOSERS:]:
@@ -145,7 +145,7 @@ def _draw_reasons(losers: list[Candidate], winners: list[Candidate]) -> None:
         for candidate in losers
     ]
     with tag("div", "scroll").props('tabindex="0"'):
-        columns = {"effect": "mono", "tried beside": "", "change": "", "p": "", "why it lost": ""}
+        columns = {"effect": "mono", "together with": "", "change": "", "p": "", "why it lost": ""}
         table("small reasons", columns, rows)
 
 

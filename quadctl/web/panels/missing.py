@@ -120,7 +120,7 @@ class Candidates(Panel):
                         tag(
                             "figcaption",
                             "muted",
-                            f"{sketch.component} over {VARIABLE_NAMES[sketch.variable]}: residual, bias removed",
+                            f"residual {sketch.component}, bias removed, over {VARIABLE_NAMES[sketch.variable]}",
                         )
                 with tag("div", "grow"):
                     tag("h3", "", plain(candidate.family).capitalize())

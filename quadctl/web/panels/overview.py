@@ -78,7 +78,8 @@ class ErrorsByAxis(Panel):
         errors = self.evaluation.by_flight[self.flight.name]
         worst = max(AXES, key=errors.__getitem__)
         where = "Error" if len(self.evaluation.by_flight) == 1 else "Error in this flight"
-        shown = f"{where}, all axes: {quantity(errors['total'])}; shown: {self.axis}, {quantity(errors[self.axis])}"
+        plotted = f"of the axis that is plotted, {self.axis}: {quantity(errors[self.axis])}"
+        shown = f"{where}, all axes: {quantity(errors['total'])}; {plotted}"
         largest = f". It is largest {worst}: {quantity(errors[worst])}"
         kind = sentence(str(kind_of(self.evaluation)))
         with tag("p", "muted"):

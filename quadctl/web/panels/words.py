@@ -28,8 +28,8 @@ class Said(Kinds, words=_WORDS):
     AS_IT_STANDS = "of the model as it stands, {bias}"
     HELD_OUT = "of the model as it is exported, per-flight bias not removed"
     DRAWN_WITHOUT_BIAS = (
-        "The per-flight bias is not removed from the lines, as the controller does not know it. Error of the line of "
-        "the model: {off_m_s2:m/s²} {axis}."
+        "The plotted lines keep the per-flight bias, as the controller does not know it: with it, the error of the "
+        "current model is {off_m_s2:m/s²} {axis}."
     )
     NO_ACCELERATION_IS_CLOSER = (
         "A prediction of zero would be closer here: the measured acceleration is {moves_m_s2:m/s²} {axis} (RMS)."
@@ -38,7 +38,7 @@ class Said(Kinds, words=_WORDS):
     APART_BY = "{name} by {least}{size:.2g}{unit}"
     AT_LIMIT = "The per-flight bias reaches its bound: {nuisances:listed}."
     OF_FLIGHTS = "{name} ({flights:listed})"
-    MORE_IS = "The data do not show a missing {family:family} (p {p:p})."
+    MORE_IS = "A missing {family:family} does not explain this (p {p:p}); another missing effect may."
     FACTOR_ONE = "Far from the ground the thrust of the model is that of the vehicle file: factor 1."
     FACTOR = (
         "Far from the ground the thrust of the model is {factor:.3f} times that of the vehicle file. The curve "
@@ -55,14 +55,15 @@ class Said(Kinds, words=_WORDS):
     )
     COMPENSATED = (
         By("better", {True: "Better"}, "Not better"),
-        " with the compensator: the difference from the same step flown high up, which is what the ground does, "
-        "changes by {drop:change} (M_B from {without_m_s:.3f} to {compensated_m_s:.3f} m s). The RMSE of the whole "
-        "tracking error, which includes the step itself, changes by {rmse_drop:change}.",
+        " with the compensator: the part of the error that the ground causes (M_B, the difference from the same step "
+        "flown high up) changes by {drop:change}, from {without_m_s:.3f} to {compensated_m_s:.3f} m s. The RMSE of the "
+        "whole tracking error, which includes the step itself, changes by {rmse_drop:change}.",
     )
     SHARE = "explains {share:percent} of the squared error of this axis, {of_all:percent} of that of all axes, p {p:p}"
     FITTED_TOGETHER = (
-        "Figures and errors are of one fit of all parameters together: the effect with ",
+        "The figures are of one fit of the effect together with ",
         When("beside", "{beside:families} and the per-flight bias", "the per-flight bias"),
-        ". Errors without it are of a fit without it; figures are not fitted again.",
+        "; where they leave the effect out, nothing is fitted again. The errors without it are of another fit, without "
+        "it.",
     )
     BESIDE = When("families", "{families:families}", "the rigid body")

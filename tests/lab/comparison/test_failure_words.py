@@ -42,6 +42,6 @@ def test_of_several_flights_those_with_most_of_it_are_named() -> None:
 
 def test_a_dependence_tells_both_ends_and_its_share() -> None:
     depends = replace(LOW, kind="dependence", variable="climb_rate", extremes=((-1.5, -0.4), (1.0, 0.6)), share=0.75)
-    ends = "\u22120.40 m/s² at \u22121.5 m/s and +0.60 m/s² at 1 m/s on average"
+    ends = "mean \u22120.40 m/s² at \u22121.5 m/s and +0.60 m/s² at 1 m/s"
     said = f"The up residual depends on the climb rate ({ends}): 75% of the squared error of this axis"
     assert str(depends.said) == said
