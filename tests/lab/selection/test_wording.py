@@ -17,9 +17,9 @@ from quadctl.lab.selection.wording import error_in_table, reason_against
 
 def test_parameters_that_the_data_choose_stand_beside_those_that_are_fitted() -> None:
     weak = parameters_of(WeakRotor(0.05, 3.0), {"loss": (0.04, 0.06)})["parameters"]
-    assert parameters_in_words(weak) == "loss = 0.05 [0.04, 0.06], rotor = 3 (chosen)"
+    assert parameters_in_words(weak) == "loss = 0.050 [0.040, 0.060], rotor = 3 (chosen)"
     step = parameters_of(MassStep(-0.09, time_s=41.0, flight=2.0), {"mass_kg": (-0.1, -0.08)})["parameters"]
-    assert parameters_in_words(step) == "mass_kg = -0.09 kg [-0.1, -0.08], time_s = 41 s (chosen), flight = 2 (chosen)"
+    assert parameters_in_words(step) == "mass_kg = -0.090 kg [-0.100, -0.080], time_s = 41 s (chosen), flight = 2 (chosen)"
 
 
 @pytest.mark.parametrize(
