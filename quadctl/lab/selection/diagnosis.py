@@ -224,7 +224,7 @@ class Diagnosis(Result):
         missing = {step.effect for step in self.steps}
         supported = [*self.chosen, *self.considered]
         title = (
-            "Missing (*), in the order of adding; below: what could stand in their place, each added alone"
+            "Missing (*), in the order of adding; below: alternatives, each added alone"
             if self.missing
             else "Significant alone, but they do not explain the error that is left"
         )
