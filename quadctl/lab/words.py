@@ -26,7 +26,7 @@ _VERDICTS: Mapping[Kind, Template] = {
     Kind.NONE_BUT_FITTED_TO_HELD_OUT: "No further effect is missing, but the model is fitted to {flights:list}, "
     "which is held out",
     Kind.NONE_BUT_FITTED_TO_OTHERS: "No further effect is missing, but the model is fitted to {flights:list} only",
-    Kind.NONE_BUT_NOT_FITTED: "No further effect is missing, but the model is not fitted to these flights",
+    Kind.NONE_BUT_NOT_FITTED: "No further effect is missing, but the model was not refitted to these flights",
 }
 TEMPLATES: Mapping[Kind, Template] = {
     **{kind: (template, IF_IT_FLEW, ".") for kind, template in _VERDICTS.items()},
@@ -152,21 +152,23 @@ class Answer(Kinds, words=_WORDS):
     )
     TRIED = (
         "{tried:count effect} of the catalogue were tried on top of {model}, each judged on {held_out}; {fitted} of "
-        "them were fitted, the others are to first order no better than noise or another form. p-values account for "
-        "autocorrelation and for the number of candidates tried."
+        "them were fitted. p-values account for autocorrelation and for the number of candidates tried."
     )
     REFERENCE = "The reference error is {floor_m_s2:roughly}."
     OTHERS_THAN = ("{finding}", When("distinguished", " {distinguished:Semicolons}."))
     DISTINGUISHED = "{family:family} is distinguished by {distinguished_by}"
-    NONE_AS_WELL = "No other effect explains these data as well."
+    NONE_AS_WELL = "No other effect explains these data equally well."
     SUPPORTED = _IMPROVES
     NOT_SEPARATE = f"{_IMPROVES} These data do not separate it from others (distinguished by {{distinguished_by}})."
     NO_LARGER = "It is no larger than the per-flight biases of any real vehicle."
     NOT_SUPPORTED = "The held-out data do not support it."
     NOTE = "Note: {remark}."
-    AS_AT_STEP = "The search refits the model to these flights; the error of the model as it stands is another one."
+    AS_AT_STEP = (
+        "The search refits the model to these flights, so that its error differs a little from that of the file's "
+        "parameters."
+    )
     NO_FORM = "The residual depends on the logged variables, but no effect of the catalogue describes how."
-    NONE_HELPS = "No effect of the catalogue reduces the held-out error enough to matter."
+    NONE_HELPS = "No effect of the catalogue, added to this model, reduces the held-out error enough to matter."
     FOR_FITTING = "{finding} The flights are those for fitting."
     OTHER_ERROR = "{family:Family} changes the held-out {error} by {drop:change}."
     BY_FLIGHTS = By(

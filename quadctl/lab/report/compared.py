@@ -39,7 +39,7 @@ def flights(r: Results) -> Section:
     duration = sum(flight.duration_s for flight in dataset.flights)
     text = [
         f"{count(len(dataset.flights), 'flight')} with {duration:.0f} s in the air and {len(dataset.measured)} "
-        f"nearly independent samples, filtered to {listed(widths)} Hz, the bandwidth that the slowest channel allows. "
+        f"nearly independent samples, filtered to {listed(widths)} Hz. "
         "Measured and predicted acceleration pass the same filter.",
         f"Held-out errors below refer to {held_out(dataset)}. The rotor delay is the delay of the logged rotor signal "
         "relative to the force it makes; it has been corrected. Parts of the logs that are not used are listed below "
@@ -76,20 +76,20 @@ def over_time(r: Results) -> Section:
     worst = max(AXES, key=lambda axis: c.rmse[axis])
     low, high = rmse_interval(c.residual, c.dataset)
     text = [
-        f"The difference between the coloured and the black line is the acceleration error of {c.model.name}: "
+        f"The difference between the line of {c.model.name} and the black line is its acceleration error: "
         f"{quantity(c.rmse['total'])} (RMSE over all axes, 95% interval {low:.3g} to {high:.3g}), largest on the "
         f"{worst} axis ({quantity(c.rmse[worst])}).",
         f"{c.variance} The reference error is {roughly(floor_total(r))}: {FLOOR}.",
     ]
     if r.shown.errors_m_s2 is not None:
         text.append(
-            "This is the error of the model as it stands, with the per-flight bias; the number at the top is "
+            "Here nothing is fitted to these flights, not even the per-flight bias; the number at the top is "
             f"{r.shown.where}."
         )
     models = {c.model.name: c}
     if r.improved is not None:
         models |= {ADDED: r.improved}
-        text.append(f"{sentence(ADDED)}, as it stands, it is {quantity(r.improved.rmse['total'])}.")
+        text.append(f"{sentence(ADDED)} it is {quantity(r.improved.rmse['total'])}.")
     return Section("over-time", "Measured against predicted", text, time_figures(c, models, "seen"))
 
 
@@ -183,13 +183,15 @@ def over_variables(r: Results) -> Section:
     shown = (telling or c.profiles[:2])[:SHOWN_PANELS]
     text = [
         "Dots are means over equal numbers of samples with 95% error bars (autocorrelation included); grey points are "
-        "the samples. A complete model has all dots on the zero line. Variables that explain most come first."
+        "the samples. A complete model has all dots on the zero line. Percentages are the share of an axis' squared "
+        "residual that the differences between the dots explain, an offset common to all not counted; the largest "
+        "come first."
     ]
     if shown:
         best = shown[0]
         text.append(
-            f"The {best.axis} residual depends most on {VARIABLE_NAMES[best.variable]}: the means of the bins explain "
-            f"{percent(best.share)} of that axis' squared residual (p {p_in_words(best.p_value)})."
+            f"The {best.axis} residual depends most on {VARIABLE_NAMES[best.variable]}: the differences between "
+            f"the dots explain {percent(best.share)} of that axis' squared residual (p {p_in_words(best.p_value)})."
         )
     figures = [
         figure(
@@ -220,12 +222,13 @@ def _failures(c: Comparison, anchor: str, title: str, name: str) -> Section:
         return Section(anchor, title, [str(fact(Said.NO_FAILURE, model=name))])
     shown = told(c.fails_where, SHOWN_FAILURES)
     rows = [
-        [Cell(str(f.said)), Cell(plus(f.mean_residual)), Cell(f"{abs(f.sigma):.0f}"), Cell(str(f.n))] for f in shown
+        [Cell(str(f.said)), Cell("" if f.kind == "dependence" else plus(f.mean_residual)), Cell(f"{abs(f.sigma):.0f}")]
+        for f in shown
     ]
     text = [
-        f"{count(len(c.fails_where), 'range')} in which the mean residual differs significantly from zero. "
-        f"On the up axis it is given as a share of the weight (1% is {0.01 * GRAVITY_M_S2:.2f} {UNIT}). "
-        "Ranges of different variables may have the same cause. Those with the largest squared error come first."
+        f"{count(len(c.fails_where), 'finding')}, that with the largest squared error first; several may have the same "
+        f"cause. Of the thrust, 1% of the weight is {0.01 * GRAVITY_M_S2:.2f} {UNIT}. Errors no larger than the "
+        "per-flight bias of any real vehicle need no effect."
     ]
     more = len(c.fails_where) - len(shown)
     said = (followed(shown, c.dataset), unexplained(c.fails_where, c.rmse))
@@ -233,9 +236,9 @@ def _failures(c: Comparison, anchor: str, title: str, name: str) -> Section:
         anchor,
         title,
         text,
-        tables=[Table(["where and how", f"mean residual / {UNIT}", "sigma", "samples"], rows)],
+        tables=[Table(["where and how", f"mean residual / {UNIT}", "sigma"], rows)],
         after_text=[
-            *([f"{count(more, 'range')} more, with smaller errors, are not listed."] if more else []),
+            *([f"Not listed: {more} with smaller errors, or parts of these."] if more else []),
             *(str(part) for part in said if part is not None),
         ],
     )

@@ -41,14 +41,14 @@ def missing(r: Results) -> Section | None:
                 "ranking",
                 "Drop of the held-out error by each candidate that was fitted: first the missing effects, each added "
                 "to those before it; then the other candidates, each added to the missing ones. Dark blue: missing; "
-                "light blue: supported, but not needed; grey: not supported.",
+                "light blue: would be missing without these; grey: not supported.",
             )
         )
     if len(d.steps) > 1:
         caption = "Model sequence: held-out error of the given model, then with each missing family added."
         figures.append(figure(plots.model_sequence(d, floor), "ladder", caption))
     tables = [_verdict_table(d)]
-    if d.ranking:
+    if any(c.fitted for c in d.ranking):
         tables.append(_ranking_table(d))
     return Section(
         "missing",
@@ -56,7 +56,7 @@ def missing(r: Results) -> Section | None:
         [in_words(said) for said in _diagnosis_text(d, floor)],
         figures,
         tables=tables,
-        after_text=[in_words(said) for said in _confounded(d)],
+        after_text=[*d.not_fitted(), *map(in_words, _confounded(d))],
     )
 
 
@@ -76,26 +76,27 @@ def _diagnosis_text(d: Diagnosis, floor: float) -> list[Finding | Fact]:
 
 
 def _verdict_table(d: Diagnosis) -> Table:
-    finding = f"yes: {listed([step.effect for step in d.steps[1:]])}" if d.missing else "no effect does"
-    explained = "explain a significant part" if d.unexplained else "explain no significant part"
+    finding = f"yes: {listed([step.effect for step in d.steps[1:]])}" if d.missing else "no"
+    explains = "yes: the logged variables explain a" if d.unexplained else "no: the logged variables explain no"
     error = "remaining error" if d.missing else "error"
-    left = f"the logged variables{_aside(d)} {explained} of the {error}"
+    left = f"{explains} significant part of the {error}{_aside(d)}"
     test = (
         f"an effect has p < {RULE.significant:g} and lowers the held-out error of one axis by more than "
-        f"{RULE.material:.0%} and {RULE.least_m_s2:g} m/s², or explains more than {RULE.material_m_s2:g} m/s² on it"
+        f"{RULE.material:.0%} and explains more than {RULE.least_m_s2:g} m/s² of it, or explains more than "
+        f"{RULE.material_m_s2:g} m/s²"
     )
     rows = {
         "missing": [Cell("missing", test), Cell(finding)],
         "small": [
-            Cell("small", f"no effect does, but one has p < {RULE.significant:g} and is more than on any vehicle"),
-            Cell(f"yes: {listed([group[0].effect.name for group in d.small])}" if d.small else "no effect has"),
+            Cell("small", f"no effect is missing, but one has p < {RULE.significant:g} and is too small for that"),
+            Cell(f"yes: {listed([group[0].effect.name for group in d.small])}" if d.small else "no"),
         ],
         "none": [
-            Cell("none", "no effect is, and the logged variables do not explain the remaining error"),
-            Cell(left),
+            Cell("none", "no effect is missing or small, and the logged variables explain nothing"),
+            Cell("yes" if d.verdict == "none" else "no"),
         ],
         "unexplained": [
-            Cell("unexplained", "no effect does, but the logged variables explain a part of the error"),
+            Cell("unexplained", "the logged variables explain a part of the error that no effect explains"),
             Cell(left),
         ],
     }
@@ -106,11 +107,12 @@ def _verdict_table(d: Diagnosis) -> Table:
 def _aside(d: Diagnosis) -> str:
     """The variables that are left aside where it is said what the error depends on."""
     aside = [VARIABLE_NAMES[name] for name in d.dataset.followers] if d.dataset.flights else []
-    return f", {listed(aside)} aside," if aside else ""
+    return f" (without {listed(aside)})" if aside else ""
 
 
 def _ranking_table(d: Diagnosis) -> Table:
-    shown = [c for i, c in enumerate(d.ranking) if i < SHOWN_CANDIDATES or is_supported(c)]
+    fitted = [c for c in d.ranking if c.fitted]
+    shown = [c for i, c in enumerate(fitted) if i < SHOWN_CANDIDATES or is_supported(c)]
     first_of_family = {c.family: c for c in reversed(shown)}
     rows = [
         [

@@ -8,7 +8,7 @@ from quadctl.lab.selection.diagnosis import Diagnosis
 from quadctl.lab.tracking.step_response import StepResponses
 from quadctl.vehicle import Vehicle
 
-ADDED = "with what was added"
+ADDED = "with additions"
 """Name of the last model beside the first."""
 BEFORE = "before anything was added"
 

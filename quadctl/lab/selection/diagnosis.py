@@ -244,11 +244,14 @@ class Diagnosis(Result):
         missing = {step.effect for step in self.steps}
         against = {c.effect.name: in_words(reason_against(c, rival_of(c, self.chosen))) for c in self.ranking}
         table = _table(title, [c for c in self.ranking if c.fitted], missing, against)
-        not_fitted = ", ".join(c.effect.name for c in self.ranking if not c.fitted)
-        why = "Not fitted, as to first order no better than noise or another form"
-        left_out = [f"{why}: {not_fitted}."] if not_fitted else []
-        left_out += [f"Not tried: {in_words(reason)}." for reason in self.untried]
+        left_out = [*self.not_fitted(), *(f"Not tried: {in_words(reason)}." for reason in self.untried)]
         return Group(table, Text(on_terminal("\n".join(left_out))))
+
+    def not_fitted(self) -> list[str]:
+        """Sentence with the candidates that were not fitted; none where all were."""
+        names = ", ".join(c.effect.name for c in self.ranking if not c.fitted)
+        why = "Not fitted, as to first order no better than noise or another formula of the family"
+        return [f"{why}: {names}."] if names else []
 
 
 def _of_attitudes(fit: FittedModel | None) -> list[Finding]:

@@ -30,6 +30,7 @@ from quadctl.lab.tracking.step_response import StepResponses, step_responses
 from quadctl.logs.flight_log import FlightLog
 from quadctl.model import Model
 from quadctl.vehicle import Vehicle
+from quadctl.words import estimate
 from tests.support.flights import CUSHION, SHORTER, flown_once, obedient, simulated, to_and_fro
 
 Worded: TypeAlias = Callable[[Results], "Page"]
@@ -178,16 +179,16 @@ class TestWhatThePageHolds:
         said = ": rigid body, before anything was added"
         whole = worded(Results(flown.before, flown.diagnosis, flown.addition)).texts
         assert sum(text.endswith(said) for text in whole) == 3
-        assert sum(text.endswith(": rigid body with what was added") for text in whole) == 2
+        assert sum(text.endswith(": rigid body with additions") for text in whole) == 2
         assert said not in worded(Results(flown.before, flown.diagnosis)).text
 
     def test_what_was_added_is_judged_too_where_no_flight_is_held_out(self, worded: Worded, flown: Flown) -> None:
         seen = worded(Results(flown.before, flown.diagnosis, flown.addition))
         assert seen.sections[-1] == "still-fails"
-        assert "Where the model still fails: rigid body with what was added" in seen.text
+        assert "Where the model still fails: rigid body with additions" in seen.text
         improved = compare(flown.addition.model, flown.before.dataset)
         assert len(improved.fails_where) < len(flown.before.fails_where)
-        told = f"{len(improved.fails_where)} range" if improved.fails_where else "no significant error"
+        told = f"{len(improved.fails_where)} finding" if improved.fails_where else "no significant error"
         assert told in seen.text[seen.text.index("Where the model still fails: ") :]
 
     def test_the_noise_floor_is_the_lowest_over_all_steps_as_on_the_page(self, worded: Worded, flown: Flown) -> None:
@@ -209,7 +210,10 @@ class TestWhatThePageHolds:
         assert "Acceleration error (RMSE over all axes), on blocks" in top
         assert " ".join(said) in top
         assert "Added to rigid body: ground effect." in top
-        assert "the model as it stands, with the per-flight bias; the number at the top is on blocks." in text
+        assert (
+            "nothing is fitted to these flights, not even the per-flight bias; the number at the top is on blocks."
+            in text
+        )
         assert f"reference error: {FLOOR} {roughly(0.0321)}" in top
 
     def test_the_verdict_is_on_the_condition_that_the_vehicle_flew_where_nobody_has_said_so(
@@ -228,9 +232,10 @@ class TestWhatThePageHolds:
         total = flown.before.rmse["total"]
         assert low < total < high
         assert f"{quantity(total)} (RMSE over all axes, 95% interval {low:.3g} to {high:.3g})" in page.text
-        a, b = flown.addition.model.effects[0].values()["a"], flown.addition.model.effects[0].values()["b"]
-        assert f"a = {a:.4g} [" in page.text
-        assert f"b = {b:.4g} 1/m [" in page.text
+        (item,) = flown.addition.model.stack
+        for name, unit in (("a", ""), ("b", " 1/m")):
+            value, interval = estimate(item.effect.values()[name], item.ci95[name])
+            assert f"{name} = {value}{unit} {interval}" in page.text
         assert f"from {quantity(flown.diagnosis.steps[0].rmse['total'])} to " in page.text
 
     def test_the_flights_say_what_was_dropped_and_how_they_were_read(self, flown: Flown, page: Page) -> None:
@@ -244,8 +249,9 @@ class TestWhatThePageHolds:
     def test_candidates_come_with_physics_p_and_the_answer_none(self, flown: Flown, page: Page) -> None:
         for candidate in flown.diagnosis.ranking:
             assert candidate.effect.name in page.text
-            assert candidate.effect.physics in page.text
-            assert p_in_words(candidate.p_value) in page.text
+            if candidate.fitted:
+                assert candidate.effect.physics in page.text
+                assert p_in_words(candidate.p_value) in page.text
         for verdict in ("missing", "none", "unexplained"):
             assert ("td", verdict) in _first_cells(page)
 

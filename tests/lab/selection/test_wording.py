@@ -19,7 +19,9 @@ def test_parameters_that_the_data_choose_stand_beside_those_that_are_fitted() ->
     weak = parameters_of(WeakRotor(0.05, 3.0), {"loss": (0.04, 0.06)})["parameters"]
     assert parameters_in_words(weak) == "loss = 0.050 [0.040, 0.060], rotor = 3 (chosen)"
     step = parameters_of(MassStep(-0.09, time_s=41.0, flight=2.0), {"mass_kg": (-0.1, -0.08)})["parameters"]
-    assert parameters_in_words(step) == "mass_kg = -0.090 kg [-0.100, -0.080], time_s = 41 s (chosen), flight = 2 (chosen)"
+    assert (
+        parameters_in_words(step) == "mass_kg = -0.090 kg [-0.100, -0.080], time_s = 41 s (chosen), flight = 2 (chosen)"
+    )
 
 
 @pytest.mark.parametrize(
