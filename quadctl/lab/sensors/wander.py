@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from scipy.linalg import cho_solve_banded, cholesky_banded
+from scipy.linalg.lapack import dpbtrf, dtbtrs
 from scipy.optimize import minimize
 
 from quadctl.lab.arrays import Floats
@@ -22,6 +22,8 @@ GAIN_1_S = 0.3
 """Start of the search of a gain."""
 LEAST_M, SHORTEST_S, LONGEST_S = 1e-4, 0.2, 1e5
 """Bounds of the noise: sizes, and times."""
+NOT_TOLD = 1e-15
+"""Share of the largest eigenvalue of a precision below which another is 0."""
 
 
 class Noise(NamedTuple):
@@ -60,18 +62,16 @@ class Estimate(NamedTuple):
 
 def estimate(rows: Rows, noise: Noise, prior: Floats | None = None) -> Estimate:
     """Coefficients that fit best; `prior` is the precision of each about 0, shape (k,)."""
-    whole = np.column_stack([rows.columns, rows.target])
-    weighted, log_det = _solve(rows, noise, whole)
-    products = whole.T @ weighted
+    products, log_det = _weighted_products(rows, noise)
     k = rows.columns.shape[1]
     precision = products[:k, :k] + (0.0 if prior is None else np.diag(prior))
-    covariance = np.linalg.pinv(precision, hermitian=True)
+    sizes, axes = np.linalg.eigh(precision)
+    told = np.abs(sizes) > NOT_TOLD * np.max(np.abs(sizes), initial=0.0)
+    covariance = (axes[:, told] / sizes[told]) @ axes[:, told].T  # the pseudoinverse: columns may depend on others
     value = covariance @ products[:k, k]
     misfit = float(products[k, k] - value @ products[:k, k])
-    _, log_det_columns = np.linalg.slogdet(precision + 1e-12 * np.eye(k) * np.trace(precision))
-    return Estimate(
-        np.asarray(value), np.asarray(covariance), misfit, -0.5 * (log_det + misfit + log_det_columns), log_det
-    )
+    log_det_columns = float(np.sum(np.log(np.abs(sizes + 1e-12 * np.trace(precision)))))
+    return Estimate(value, covariance, misfit, -0.5 * (log_det + misfit + log_det_columns), log_det)
 
 
 def learned(rows: Rows) -> Noise:
@@ -116,17 +116,18 @@ def _noise(logarithms: Floats) -> Noise:
     return Noise(max(white, LEAST_M), (max(size_1, LEAST_M), max(size_2, LEAST_M)), times)
 
 
-def _solve(rows: Rows, noise: Noise, right: Floats) -> tuple[Floats, float]:
-    """Product of the inverse covariance with `right`, and the logarithm of the covariance's determinant.
+def _weighted_products(rows: Rows, noise: Noise) -> tuple[Floats, float]:
+    """Products of the columns and the target, one beside the other, with the inverse covariance between, and the
+    logarithm of the covariance's determinant.
 
     The processes are Markov: their precision has a narrow band, and Woodbury's identity adds the white noise.
     """
     n, m = len(rows.time_s), PROCESSES
-    band = np.zeros((m + 1, m * n))
+    band = np.zeros((m + 1, m * n), order="F")
     log_det = n * 2.0 * np.log(noise.white_m)
-    same = rows.flight[1:] == rows.flight[:-1]
+    same, step_s = rows.flight[1:] == rows.flight[:-1], np.maximum(np.diff(rows.time_s), 1e-6)
     for i, (size, time) in enumerate(zip(noise.sizes_m, noise.times_s, strict=True)):
-        decay = np.where(same, np.exp(-np.maximum(np.diff(rows.time_s), 1e-6) / time), 0.0)
+        decay = np.where(same, np.exp(-step_s / time), 0.0)
         variance = size**2 * np.concatenate([[1.0], np.maximum(1.0 - decay**2, 1e-12)])
         diagonal = 1.0 / variance
         diagonal[:-1] += decay**2 / variance[1:]
@@ -136,12 +137,14 @@ def _solve(rows: Rows, noise: Noise, right: Floats) -> tuple[Floats, float]:
     weight = noise.white_m**-2
     band[m] += weight
     band[m - 1, 1::m] = weight  # both processes are seen as one sum
-    factor = cholesky_banded(band)
-    spread = np.repeat(right, m, axis=0) * weight
-    inner = cho_solve_banded((factor, False), spread)
-    summed = inner.reshape(n, m, -1).sum(axis=1)
+    # LAPACK itself: the search of the noise comes here hundreds of times, and scipy's checks last longer than the work.
+    factor, failed = dpbtrf(band, overwrite_ab=True)
+    if failed:
+        raise np.linalg.LinAlgError("the covariance of the rows is not positive definite")
+    whole = np.column_stack([rows.columns, rows.target])
+    half, _ = dtbtrs(factor, np.repeat(whole, m, axis=0), uplo="U", trans="T")
     log_det += 2.0 * float(np.sum(np.log(factor[m])))
-    return weight * right - weight * summed, log_det
+    return weight * (whole.T @ whole) - weight**2 * (half.T @ half), log_det
 
 
 def stacked(parts: Sequence[Rows]) -> Rows:
