@@ -65,8 +65,8 @@ def proposed(path: Path) -> tuple[TableMap, FlightLog]:
             best = (score, by, log)
     if best is None:
         raise problem or LogError(f"{path}: no map was found, expected columns of a flight")
-    found = _best_alternative(path, table, best[1])
-    if best[0] < MIN_MISFIT or found is None or found.misfit > MIN_GAIN * best[0]:
+    found = _best_alternative(path, table, best[1]) if best[0] >= MIN_MISFIT else None
+    if found is None or found.misfit > MIN_GAIN * best[0]:
         return best[1], best[2]
     return found.by, mapped(table, found.by, path, [])
 

@@ -88,11 +88,11 @@ def merge(channels: Iterable[Channel], origin: Origin) -> FlightLog:
     )
     columns = {"time_s": np.round(clock - clock[0], 6)}
     for channel in kept:
-        fill = averaged if channel.averaged else held
-        columns |= {
-            name: fill(clock, channel.time_s, values, origin.row_tolerance_s)
-            for name, values in channel.columns.items()
-        }
+        if channel.averaged:
+            together = [averaged(clock, channel.time_s, v, origin.row_tolerance_s) for v in channel.columns.values()]
+        else:
+            together = [*held(clock, channel.time_s, np.array([*channel.columns.values()]), origin.row_tolerance_s)]
+        columns |= dict(zip(channel.columns, together, strict=True))
     absent = [name for name in STATE_COLUMNS if name not in columns]
     columns |= {name: np.full(len(clock), np.nan) for name in absent}
     if absent:
@@ -122,7 +122,10 @@ def row_times(time_s: Floats, tolerance_s: float = ROW_TOLERANCE_S) -> Floats:
     """Times of the rows, increasing: of updates closer than `tolerance_s` the first, shape (rows,)."""
     rows: list[float] = []
     end = -np.inf
-    for time in np.unique(time_s).tolist():
+    times = np.unique(time_s)
+    if np.all(times[1:] > times[:-1] + tolerance_s):
+        return times
+    for time in times.tolist():
         if time > end:
             rows.append(time)
             end = time + tolerance_s
@@ -130,9 +133,9 @@ def row_times(time_s: Floats, tolerance_s: float = ROW_TOLERANCE_S) -> Floats:
 
 
 def held(clock_s: Floats, time_s: Floats, values: Floats, tolerance_s: float = ROW_TOLERANCE_S) -> Floats:
-    """`values`, updated at `time_s`, as known at each row: the last update, NaN before the first. Shape (rows,)."""
+    """`values`, updated at `time_s`, as known at each row: the last update, NaN before the first. Shape (..., rows)."""
     last = _updates_so_far(clock_s, time_s, tolerance_s)
-    return np.where(last > 0, values[np.maximum(last - 1, 0)], np.nan)
+    return np.where(last > 0, values[..., np.maximum(last - 1, 0)], np.nan)
 
 
 def averaged(clock_s: Floats, time_s: Floats, values: Floats, tolerance_s: float = ROW_TOLERANCE_S) -> Floats:

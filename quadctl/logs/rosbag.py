@@ -172,7 +172,9 @@ def _fields(value: Any, name: str) -> Iterator[tuple[str, float]]:
     """Numbers of a message by their path in it."""
     if isinstance(value, bool | int | float | np.number):
         yield name, float(value)
-    elif isinstance(value, np.ndarray | list | tuple):
+    elif isinstance(value, np.ndarray):  # of numbers, in one dimension
+        yield from ((f"{name}[{i}]", float(part)) for i, part in enumerate(value.tolist()))
+    elif isinstance(value, list | tuple):
         for i, part in enumerate(value):
             yield from _fields(part, f"{name}[{i}]")
     elif hasattr(value, "__dataclass_fields__"):

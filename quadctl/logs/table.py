@@ -1,5 +1,6 @@
 """Tables of other programs (CSV with any separator, Parquet), read by a map; and Parquet as quadctl writes it."""
 
+import functools
 import json
 import math
 import os
@@ -332,6 +333,7 @@ def dates_s(column: pl.Series) -> Floats | None:
     return values if 2 * np.count_nonzero(np.isfinite(values)) > len(texts) else None
 
 
+@functools.lru_cache(maxsize=100_000)  # a map is looked for by reading the same table a hundred times
 def _date_s(text: str) -> float:
     text = text.strip().replace("/", "-")
     try:
