@@ -14,6 +14,7 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 from scipy import stats
+from scipy.special import stdtr, stdtrit
 
 from quadctl.lab.arrays import Floats
 
@@ -104,7 +105,7 @@ def _jump(series: Series) -> Change:
     at = places[best]
     before, after = series.values[:at], series.values[at:]
     size = float(after.mean() - before.mean())
-    reach = float(stats.t.ppf(0.975, len(series.values) - 2)) * _standard_error(before, after)
+    reach = float(stdtrit(len(series.values) - 2, 0.975)) * _standard_error(before, after)
     p = min(1.0, p_values[best] * len(places))
     ci95 = (size - reach, size + reach)
     return Change(series.vehicle, series.quantity, "jump", size, ci95, series.flights[at], p, 1.0)
@@ -114,7 +115,7 @@ def _student_p(before: Floats, after: Floats) -> float:
     """Two-sided p-value of Student's test that the means are the same; nan where no value differs."""
     size, free = float(after.mean() - before.mean()), len(before) + len(after) - 2
     error = _standard_error(before, after)
-    return float(2.0 * stats.t.sf(abs(size) / error, free)) if error > 0.0 else float("nan")
+    return float(2.0 * stdtr(free, -abs(size) / error)) if error > 0.0 else float("nan")
 
 
 def _standard_error(before: Floats, after: Floats) -> float:
