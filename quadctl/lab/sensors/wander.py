@@ -142,10 +142,10 @@ def _weighted_products(rows: Rows, noise: Noise) -> tuple[Floats, float]:
     if failed:
         raise np.linalg.LinAlgError("the covariance of the rows is not positive definite")
     whole = np.column_stack([rows.columns, rows.target])
-    inner, _ = dpbtrs(factor, np.repeat(whole, m, axis=0) * weight, overwrite_b=True)
+    inner, _ = dpbtrs(factor, np.repeat(weight * whole.T, m, axis=1).T, overwrite_b=True)
     log_det += 2.0 * float(np.sum(np.log(factor[m])))
     # Subtracted row by row: of products that are nearly the same, the difference would have no digits.
-    return whole.T @ (weight * whole - weight * inner.reshape(n, m, -1).sum(axis=1)), log_det
+    return whole.T @ (weight * whole - weight * sum(inner[i::m] for i in range(m))), log_det
 
 
 def stacked(parts: Sequence[Rows]) -> Rows:
