@@ -43,7 +43,7 @@ def hovering(
     name: str, vehicle: str = "vehicle.yaml", rules: type[SimulatedAutopilot] | None = None
 ) -> SimulatedAutopilot:
     """Mock in a hover at HOVER_M in the mode of targets, held there by targets: a copy of one that has flown there."""
-    return copy.deepcopy(_hovering(name, vehicle, rules))
+    return copy.deepcopy(_hovering(name, vehicle, rules))  # type: ignore[arg-type]  # a class is hashable
 
 
 @cache
