@@ -16,7 +16,7 @@ from quadctl.errors import SettingsError
 from quadctl.files import write_text
 from quadctl.frames import GRAVITY_M_S2, Quaternion, rotate, rotate_inverse
 from quadctl.installed import is_installed
-from quadctl.numeric import Number, Vector
+from quadctl.numeric import Number, Vector, plus
 from quadctl.observer import Observer
 from quadctl.settings import Settings, read_yaml, validate
 from quadctl.surfaces import Place
@@ -166,11 +166,11 @@ class Model:
 
     def _force(self, thrust: Sequence[Number], c: Conditions) -> Vector:
         of_rotors = self.vehicle.rotor_force(thrust)
-        return _sum([of_rotors, self.side_force(sum(thrust), c)]) if self.effects_on_body else of_rotors
+        return plus(of_rotors, self.side_force(sum(thrust), c)) if self.effects_on_body else of_rotors
 
     def _torque(self, thrust: Sequence[Number], c: Conditions) -> Vector:
         of_rotors = self.vehicle.rotor_torque(thrust)
-        return _sum([of_rotors, self.side_torque(thrust, c)]) if self.effects_on_turning else of_rotors
+        return plus(of_rotors, self.side_torque(thrust, c)) if self.effects_on_turning else of_rotors
 
     def acceleration_ned(self, nominal_n: Sequence[Number], c: Conditions) -> Vector:
         """Kinematic acceleration, NED, m/s^2: what an ideal observer on the ground would measure."""

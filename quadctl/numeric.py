@@ -39,11 +39,17 @@ def _algebra(*arguments: Any) -> Callable[..., Any] | None:
     return next((SYMBOLIC[type(argument)] for argument in arguments if type(argument) in SYMBOLIC), None)
 
 
-exp = _either("exp", math.exp, np.exp)
-sqrt = _either("sqrt", math.sqrt, np.sqrt)
-sin = _either("sin", math.sin, np.sin)
-cos = _either("cos", math.cos, np.cos)
-asin = _either("asin", math.asin, np.arcsin)
+def _of_one(name: str, scalar: Callable[[float], float], array: Callable[..., Any]) -> Callable[[Any], Any]:
+    """The same of one argument, with a short way for a float: most calls are those of the simulation."""
+    either = _either(name, scalar, array)
+    return lambda value: scalar(value) if type(value) is float else either(value)
+
+
+exp = _of_one("exp", math.exp, np.exp)
+sqrt = _of_one("sqrt", math.sqrt, np.sqrt)
+sin = _of_one("sin", math.sin, np.sin)
+cos = _of_one("cos", math.cos, np.cos)
+asin = _of_one("asin", math.asin, np.arcsin)
 atan2 = _either("atan2", math.atan2, np.arctan2)
 minimum = _either("minimum", min, np.minimum)
 maximum = _either("maximum", max, np.maximum)

@@ -1,6 +1,7 @@
 """Fixtures and rules of all tests."""
 
 import functools
+import gc
 import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -56,6 +57,11 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     for item in items:
         if item.get_closest_marker("realtime"):
             item.add_marker(again)
+
+
+def pytest_collection_finish() -> None:
+    gc.collect()
+    gc.freeze()  # what has been imported stays, and no later collection goes over it again
 
 
 def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:

@@ -6,7 +6,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from quadctl.frames import rotate
+from quadctl.frames import cos_tilt
 from quadctl.sitl.rules.px4 import CRITICAL, SimulatedAutopilot
 from quadctl.sitl.rules.static_pressure import COPTER_DEFAULTS, copter_correction_m
 from quadctl.sitl.vehicle.inner_loops import PX4, Gains, level_with_yaw
@@ -222,15 +222,15 @@ class SimulatedCopter(SimulatedAutopilot):
 
     @property
     def _active(self) -> AttitudeTarget:
-        target = super()._active
-        if self._follows_targets:  # its own modes compute the thrust that they need at a tilt
-            cos_tilt = rotate(self.body.attitude, (0.0, 0.0, 1.0))[2]
-            target = target._replace(throttle=min(target.throttle * angle_boost(cos_tilt, self.parameters), 1.0))
-        if self._follows_targets and not int(self.parameters["GUID_OPTIONS"]) & THRUST_AS_THRUST:
-            climb_m_s = (2.0 * target.throttle - 1.0) * MAX_CLIMB_M_S
+        if not self._follows_targets:  # its own modes compute the thrust that they need at a tilt
+            return self._own_target
+        attitude, throttle, lateral = self.target
+        throttle = min(throttle * angle_boost(cos_tilt(self.body.attitude), self.parameters), 1.0)
+        if not int(self.parameters["GUID_OPTIONS"]) & THRUST_AS_THRUST:
+            climb_m_s = (2.0 * throttle - 1.0) * MAX_CLIMB_M_S
             grounded = self.landed and climb_m_s <= 0.0
-            return target._replace(throttle=0.0 if grounded else self._throttle(target.attitude, -climb_m_s))
-        return target
+            throttle = 0.0 if grounded else self._throttle(attitude, -climb_m_s)
+        return AttitudeTarget(attitude, throttle, lateral)
 
     def _obey_rules(self) -> None:
         super()._obey_rules()

@@ -355,10 +355,12 @@ class SimulatedAutopilot:
 
     def _attitude_loop(self) -> None:
         if not self._follows_targets:
-            self._own_target = self._position_control()
-        elif self._place is not None:
-            self.target = self._position_loop.target(self._place, self.estimator)
-        self._rate_sp = self.loops.rate_setpoint(self._active.attitude, self.body.attitude, not self.body.in_contact)
+            target = self._own_target = self._position_control()
+        else:
+            if self._place is not None:
+                self.target = self._position_loop.target(self._place, self.estimator)
+            target = self.target
+        self._rate_sp = self.loops.rate_setpoint(target.attitude, self.body.attitude, not self.body.in_contact)
 
     def _obey_rules(self) -> None:
         now = self.time_s

@@ -38,7 +38,7 @@ class Stream:
     def take(self, estimate: VehicleState) -> bool:
         """True when it is due; the message then counts as sent."""
         now_s, sample_s = estimate.time_s, estimate.received_s[self.part]
-        if math.isinf(self.interval_s) or now_s < self.due_s or sample_s <= self.sample_s:
+        if now_s < self.due_s or sample_s <= self.sample_s or math.isinf(self.interval_s):
             return False
         self.due_s = max(self.due_s + self.interval_s, now_s)
         self.sample_s = sample_s

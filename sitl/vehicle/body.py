@@ -136,7 +136,7 @@ class SimulatedBody:
             if output is not None:
                 thrust = (output - offset) / per_newton
                 wanted = math.sqrt(thrust / k) * scale if thrust > 0.0 else 0.0
-                wanted = max(wanted, IDLE_RPM)
+                wanted = IDLE_RPM if wanted < IDLE_RPM else wanted
             rpm[i] = turned = rpm[i] + share * (wanted - rpm[i])
             power += turned**3
         self.battery.draw(power * self._watts_per_rpm3, STEP_S)

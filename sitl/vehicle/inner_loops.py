@@ -52,13 +52,11 @@ class AttitudeModel:
     def step(self, target: Quat) -> None:
         """Advance toward `target`, which arrives now."""
         self._targets.append(target)
-        off, dt = turn_between(self.attitude, self._targets[0]), self._dt
-        push = tuple(self._square * a - self._damping * r for a, r in zip(off, self.rates, strict=True))
-        rates = tuple(
-            min(max(r + p * dt, -most), most) for r, p, most in zip(self.rates, push, MAX_RATE_RAD_S, strict=True)
-        )
-        self.acceleration = (push[0], push[1], push[2])
-        self.rates = p, q, r = rates[0], rates[1], rates[2]
+        x, y, z = turn_between(self.attitude, self._targets[0])
+        (p, q, r), (mx, my, mz) = self.rates, MAX_RATE_RAD_S
+        square, damping, dt = self._square, self._damping, self._dt
+        self.acceleration = ax, ay, az = square * x - damping * p, square * y - damping * q, square * z - damping * r
+        self.rates = p, q, r = within(p + ax * dt, mx), within(q + ay * dt, my), within(r + az * dt, mz)
         w, x, y, z = multiply(self.attitude, (1.0, 0.5 * dt * p, 0.5 * dt * q, 0.5 * dt * r))
         norm = 1.0 / math.sqrt(w * w + x * x + y * y + z * z)
         self.attitude = (w * norm, x * norm, y * norm, z * norm)
@@ -111,9 +109,9 @@ class InnerLoops:
         kept_roll = kept_pitch = kept_yaw = 0.0
         if airborne:
             most, (x, y, z) = self.max_integral_rad_s2, self.integral
-            kept_roll = min(max(x + i_roll * roll * dt, -most), most)
-            kept_pitch = min(max(y + i_pitch * pitch * dt, -most), most)
-            kept_yaw = min(max(z + i_yaw * yaw * dt, -most), most)
+            kept_roll = within(x + i_roll * roll * dt, most)
+            kept_pitch = within(y + i_pitch * pitch * dt, most)
+            kept_yaw = within(z + i_yaw * yaw * dt, most)
         self.integral = (kept_roll, kept_pitch, kept_yaw)
         (ix, iy, iz), (ax, ay, az), per_newton = self._inertia, self._acceleration, self._output_per_newton
         tx = ix * (p_roll * roll + kept_roll + ax)
@@ -130,10 +128,15 @@ class InnerLoops:
         px, py, pz = self._gains.attitude_p
         mx, my, mz = MAX_RATE_RAD_S
         return (
-            min(max(ahead[0] + px * off[0], -mx), mx),
-            min(max(ahead[1] + py * off[1], -my), my),
-            min(max(ahead[2] + pz * off[2], -mz), mz),
+            within(ahead[0] + px * off[0], mx),
+            within(ahead[1] + py * off[1], my),
+            within(ahead[2] + pz * off[2], mz),
         )
+
+
+def within(value: float, most: float) -> float:
+    """`value` limited to -`most` .. `most`; two calls of `min` and `max` take longer."""
+    return -most if value < -most else most if value > most else value
 
 
 def turn_between(attitude: Quat, target: Quat) -> Vec3:

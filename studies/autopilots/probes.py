@@ -1,7 +1,9 @@
 """Probes: measurements of a mock in simulated time, each of the quantity that was measured on the real autopilot."""
 
+import copy
 import math
 from collections.abc import Callable
+from functools import cache
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
@@ -40,7 +42,12 @@ def until(px: SimulatedAutopilot, condition: Callable[[], bool], each: Callable[
 def hovering(
     name: str, vehicle: str = "vehicle.yaml", rules: type[SimulatedAutopilot] | None = None
 ) -> SimulatedAutopilot:
-    """Mock in a hover at HOVER_M in the mode of targets, held there by targets."""
+    """Mock in a hover at HOVER_M in the mode of targets, held there by targets: a copy of one that has flown there."""
+    return copy.deepcopy(_hovering(name, vehicle, rules))  # type: ignore[arg-type]  # a class is hashable
+
+
+@cache
+def _hovering(name: str, vehicle: str, rules: type[SimulatedAutopilot] | None) -> SimulatedAutopilot:
     px = mock(name, vehicle=vehicle, rules=rules)
     until(px, lambda: px.estimate().ready_to_arm)
     px.set_attitude_target(AttitudeTarget(LEVEL, 0.0))

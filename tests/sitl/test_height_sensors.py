@@ -149,7 +149,7 @@ def flown(firmware: Firmware, parameters: dict[str, float], where: Path, seed: i
     mission = yaml.safe_load((ROOT / "missions" / "barometer_runs.yaml").read_text())
     mission["limits"]["max_distance_m"] = 30.0
     (where / "runs.yaml").write_text(yaml.safe_dump(mission, sort_keys=False))
-    room = ("speeds_m_s=[3, 6]", "reach_m=12", "low_m=-12")
+    room = ("speeds_m_s=[3, 6]", "reach_m=12", "low_m=-12", "heights_m=[0.2, 2.0]")
     plan = prepare_flight(where / "runs.yaml", ROOT / "config" / "flight_thesis.yaml", "none", None, room)
     autopilot = firmware.kind(plan.body.vehicle, load_hidden(where / "world.yaml"), seed)
     pilot = plan.pilot(autopilot_takes_off=firmware.kind is SimulatedCopter)

@@ -9,12 +9,13 @@ from scipy.spatial.transform import Rotation
 Array = NDArray[Any]
 
 
+# The scalar's place is changed here: SciPy's `scalar_first` takes several times as long for few rows.
 def _of(q: Array) -> Rotation:
-    return Rotation.from_quat(q, scalar_first=True)
+    return Rotation.from_quat(q[..., [1, 2, 3, 0]])
 
 
 def _quaternion(rotation: Rotation) -> Array:
-    q: Array = rotation.as_quat(scalar_first=True)
+    q: Array = rotation.as_quat()[..., [3, 0, 1, 2]]
     return q
 
 
