@@ -88,10 +88,12 @@ def merge(channels: Iterable[Channel], origin: Origin) -> FlightLog:
     )
     columns = {"time_s": np.round(clock - clock[0], 6)}
     for channel in kept:
+        values, tolerance_s = channel.columns.values(), origin.row_tolerance_s
         if channel.averaged:
-            together = [averaged(clock, channel.time_s, v, origin.row_tolerance_s) for v in channel.columns.values()]
+            together = np.array([averaged(clock, channel.time_s, each, tolerance_s) for each in values])
         else:
-            together = [*held(clock, channel.time_s, np.array([*channel.columns.values()]), origin.row_tolerance_s)]
+            each_row = np.reshape([*values], (len(values), len(channel.time_s)))
+            together = held(clock, channel.time_s, each_row, tolerance_s)
         columns |= dict(zip(channel.columns, together, strict=True))
     absent = [name for name in STATE_COLUMNS if name not in columns]
     columns |= {name: np.full(len(clock), np.nan) for name in absent}
