@@ -172,7 +172,7 @@ Written by `python -m studies.worlds.scoreboard`. Each world (`studies/worlds`) 
 in simulators of others, [RotorPy](https://github.com/spencerfolk/rotorpy) and
 [drone-models](https://github.com/utiasDSL/drone-models): what these lack is injected as forces and moments, in
 published forms. A row is a world, its seed and the strength of the effects; 1 is that of real vehicles.
-[What was tuned on what](statistics.md#what-was-tuned-on-what).
+[What was tuned on what](#what-was-tuned-on-what).
 
 """
 
