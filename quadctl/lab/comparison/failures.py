@@ -207,7 +207,7 @@ def failures(residual: Floats, noise: Floats, dataset: Dataset, tried: list[Prof
             runs = [
                 replace(run, square_m2_s4=run.n * (run.mean_residual - about) ** 2)
                 for run in _runs(profile, residual[:, a], correlated, dataset)
-                if not _is_explained(run, residual[:, a], left[:, a], dataset)
+                if not _is_explained(run, residual[:, a] - about, left[:, a] - about, dataset)
             ]
         if chance < FALSE_SHARE and is_telling(profile) and profile.axis not in depend:
             depend.add(profile.axis)
@@ -372,12 +372,11 @@ def _runs(profile: Profile, values: Floats, noise: Noise, dataset: Dataset) -> l
 
 
 def _is_explained(run: Failure, values: Floats, left: Floats, dataset: Dataset) -> bool:
-    """Tell whether most of the error of a range is gone from `left`, the residual `values` without the dependence that
-    is told of its axis; shapes (n,)."""
+    """Tell whether most of the error of a range, beside the offset, is gone from `left`: the residual `values` without
+    the dependence that is told of its axis; shapes (n,)."""
     x = np.asarray(dataset.variable(run.variable))
     inside = (x >= run.low) & (x <= run.high)
-    about = run.average
-    return bool((left[inside].mean() - about) ** 2 < (1.0 - MOST) * (values[inside].mean() - about) ** 2)
+    return bool(left[inside].mean() ** 2 < (1.0 - MOST) * values[inside].mean() ** 2)
 
 
 def _dependence(profile: Profile, run: Failure, values: Floats, about: float) -> Failure:

@@ -198,8 +198,8 @@ class Workbench(Analysis):
         """Say where the browser has put the model, in a file of this name, and which commands use it."""
         self.say(
             "done",
-            f"The model is saved as {name} in the downloads folder of your browser, with a number if need be."
-            + (" Compensator lists the commands that use it." if self.opened.logs else ""),
+            f"The model is saved as {name} in the downloads folder of your browser, which adds a number to a name "
+            "that is taken." + (" Compensator lists the commands that use it." if self.opened.logs else ""),
         )
 
     async def report(self, said: Sequence[str] = (), condition: Vehicle | None = None) -> bytes | None:
