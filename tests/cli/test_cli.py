@@ -94,6 +94,7 @@ class TestCommands:
             "n",
             "kind",
             "text",
+            "also",
             "most_in",
         } == first.keys()
         assert [most["flight"] for most in first["most_in"]] == ["waves.csv"]

@@ -89,6 +89,8 @@ class Failure:
     """Bins with the least and the largest mean residual, of a dependence: (value of the variable, mean)."""
     share: float = 0.0
     """Share of the squared error on its axis, of a dependence."""
+    also: tuple[str, ...] = ()
+    """Other variables over which a dependence shows: their ranges are explained by it."""
 
     @property
     def said(self) -> Fact:
@@ -121,6 +123,7 @@ class Failure:
             "sigma": self.sigma,
             "n": self.n,
             "kind": self.kind,
+            "also": list(self.also),
             "most_in": [
                 {"flight": stretch.flight, "from_s": stretch.begin_s, "to_s": stretch.end_s}
                 for stretch in self.stretches
@@ -185,7 +188,7 @@ def is_telling(profile: Profile) -> bool:
 def failures(residual: Floats, noise: Floats, dataset: Dataset, tried: list[Profile]) -> list[Failure]:
     """Failures of the model: axes with an offset over the whole flight, then ranges, the profile with the largest share
     first; before those of the first profile of an axis the dependence on its variable. A range of another variable of
-    which that dependence explains most is not told."""
+    which that dependence explains most is no failure of its own."""
     found = []
     correlated = Noise(noise, dataset.parts)
     everywhere = _standard_errors(np.ones(len(residual), dtype=bool), correlated)
@@ -195,8 +198,9 @@ def failures(residual: Floats, noise: Floats, dataset: Dataset, tried: list[Prof
             found.append(offset)
     found.sort(key=lambda failure: -abs(failure.mean_residual))
     offsets = {failure.axis: failure.mean_residual for failure in found}
-    depend: set[str] = set()
     left = residual.copy()  # beside the dependences
+    also: dict[str, dict[str, None]] = {}
+    """Variables over which the dependence of an axis shows, too, in their order."""
     # Of many profiles some are below any p-value by chance; several variables that go together are no chance.
     chances = _adjusted(np.array([profile.p_value for profile in tried]))
     for profile, chance in zip(tried, chances, strict=True):
@@ -204,18 +208,18 @@ def failures(residual: Floats, noise: Floats, dataset: Dataset, tried: list[Prof
         about = offsets.get(profile.axis, 0.0)
         runs = []
         if profile.p_value < 1e-3 / len(tried):
-            runs = [
-                replace(run, square_m2_s4=run.n * (run.mean_residual - about) ** 2)
-                for run in _runs(profile, residual[:, a], correlated, dataset)
-                if not _is_explained(run, residual[:, a] - about, left[:, a] - about, dataset)
-            ]
-        if chance < FALSE_SHARE and is_telling(profile) and profile.axis not in depend:
-            depend.add(profile.axis)
+            for run in _runs(profile, residual[:, a], correlated, dataset):
+                if _is_explained(run, residual[:, a] - about, left[:, a] - about, dataset):
+                    also[profile.axis][profile.variable] = None
+                else:
+                    runs.append(replace(run, square_m2_s4=run.n * (run.mean_residual - about) ** 2))
+        if chance < FALSE_SHARE and is_telling(profile) and profile.axis not in also:
+            also[profile.axis] = {}
             largest = max(runs, key=lambda run: run.square_m2_s4, default=_largest_bin(profile, about))
             found.append(_dependence(profile, largest, residual[:, a], about))
             left[:, a] -= profile.means(dataset) - about
         found += sorted(runs, key=lambda failure: -abs(failure.sigma))
-    return found
+    return [replace(f, also=tuple(also[f.axis])) if f.kind == "dependence" else f for f in found]
 
 
 def _adjusted(p_values: Floats) -> Floats:
@@ -267,7 +271,7 @@ def told(found: Sequence[Failure], count: int) -> list[Failure]:
 def followed(found: Sequence[Failure], dataset: Dataset) -> Fact | None:
     """The variables of failures that follow disturbances, so that they need not be a cause (see `Dataset.is_flown`);
     None where there is none."""
-    names = list(dict.fromkeys(f.variable for f in found if not dataset.is_flown(f.variable)))
+    names = [v for v in dict.fromkeys(v for f in found for v in (f.variable, *f.also)) if not dataset.is_flown(v)]
     return fact(Said.FOLLOWS, variables=names, flights=len(dataset.flights), one=len(names) == 1) if names else None
 
 

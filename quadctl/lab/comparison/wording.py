@@ -238,7 +238,8 @@ class Said(Kinds, words=Words(FORMATS)):
     )
     DEPENDENCE = (
         "The {axis} residual depends on the {variable:variable} (mean {ends:and}): {share:.0%} of the squared "
-        "error of this axis"
+        "error of this axis",
+        When("also", ", which shows over {also:variables}, too"),
     )
     MEAN_AT = "{mean_m_s2:signed} m/s² at {at:end} {unit}"
     FAILS = ("{failure}", IF_IT_FLEW, ".")
