@@ -135,7 +135,7 @@ def estimate(value: float, ci95: tuple[float, float]) -> tuple[str, str]:
     """An estimate and its 95 % interval, `0.114` and `[0.100, 0.121]`, both to the decimal of the second digit of half
     the interval, as more would be noise, and with four digits at most.
 
-    That of a parameter at a bound has one end, `(at its bound; at most 0.12)`.
+    That of a parameter at a bound has one end, `(at its bound; at most 0.120)`.
     """
     low, high = ci95
 

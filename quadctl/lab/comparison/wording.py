@@ -101,8 +101,8 @@ def estimate_in_text(value: float, ci95: tuple[float, float] | None) -> tuple[st
 
     Less than a millionth is shown as 0, which the solver has not quite reached.
     """
-    value = value if abs(value) > 1e-6 else 0.0
     shown, interval = (f"{value:.4g}", "") if ci95 is None else estimate(value, ci95)
+    shown = shown if abs(value) > 1e-6 else "0"
     return shown.replace("-", "\u2212"), interval.replace("-", "\u2212")
 
 

@@ -24,9 +24,9 @@ class Estimate:
         """Format value and interval, such as `0.31 m [0.27, 0.35]`."""
         if not np.isfinite(self.rmse):
             return "unbounded"
-        value, interval = (
-            (f"{self.rmse:#.3g}".removesuffix("."), "") if self.ci95 is None else estimate(self.rmse, self.ci95)
-        )
+        if self.ci95 is None:
+            return f"{self.rmse:#.3g}".removesuffix(".") + f" {unit}".rstrip()
+        value, interval = estimate(self.rmse, self.ci95)
         return " ".join(filter(None, (value, unit, interval)))
 
     def to_dict(self) -> dict[str, float | list[float] | None]:
