@@ -1152,7 +1152,7 @@ class TestOpenTab:
         view = _nothing_found(views["at first"], error_m_s2=0.323, floor_m_s2=0.186)
         shown = str(tabs("missing", view).shown)
         assert "No known effect is missing, but not all of the error is noise." in shown
-        assert "No effect of the catalogue reduces the held-out error " in shown
+        assert "No effect of the catalogue, added to this model, reduces the held-out error " in shown
         assert "p below 0.01" in shown  # what is enough
         assert "An error of 0.323 m/s² remains." in shown
         assert "explains 67% of its square" in shown and "leaves 0.19 m/s²" in shown
