@@ -132,15 +132,16 @@ def nearest(word: str, known: Iterable[str]) -> str:
 
 
 def estimate(value: float, ci95: tuple[float, float]) -> tuple[str, str]:
-    """An estimate and its 95 % interval, `0.114` and `[0.100, 0.121]`, both to the decimal of the second digit of half
-    the interval, as more would be noise, and with four digits at most.
+    """An estimate and its 95 % interval, `0.114` and `[0.100, 0.121]`, both to the decimal of the second digit of the
+    distance to the nearer end, as more would be noise, and with four digits at most.
 
-    That of a parameter at a bound has one end, `(at its bound; at most 0.120)`.
+    That of a parameter at a bound has one end, `(at its bound; at most 0.12)`.
     """
     low, high = ci95
+    nearer = min((distance for distance in (value - low, high - value) if distance > 0.0), default=0.0)
 
     def shown(x: float) -> str:
-        return with_decimals(x, _decimals(0.5 * (high - low)))
+        return with_decimals(x, _decimals(nearer))
 
     if low < high and value in ci95:
         end = f"at most {shown(high)}" if value == low else f"at least {shown(low)}"
@@ -150,7 +151,7 @@ def estimate(value: float, ci95: tuple[float, float]) -> tuple[str, str]:
 
 def _decimals(size: float) -> int:
     """Decimals with which a number of this size has two digits; many for 0, or what is no number."""
-    return 1 - math.floor(math.log10(size)) if 0.0 < size < math.inf else 9
+    return 1 - math.floor(math.log10(size) + 1e-9) if 0.0 < size < math.inf else 9
 
 
 def with_decimals(x: float, decimals: int) -> str:
