@@ -32,6 +32,7 @@ from quadctl.lab.selection.discovery import Discovery, discover
 from quadctl.logs.flight_log import FlightLog
 from quadctl.model import Model, load_model, save_model
 from quadctl.vehicle import Vehicle
+from quadctl.words import estimate
 from tests.support.flights import obedient, simulated, to_and_fro
 
 
@@ -378,7 +379,8 @@ class TestDiscover:
             units = {p.name: f" {p.unit}" if p.unit else "" for p in item.effect.parameters()}
             for name, (low, high) in item.fitted.ci95.items():
                 value = item.effect.values()[name]
-                assert f"{name} = {value:.4g}{units[name]} [{low:.4g}, {high:.4g}]" in text
+                shown, interval = estimate(value, (low, high))
+                assert f"{name} = {shown}{units[name]} {interval}" in text
                 assert low < entry["parameters"][name] < high
         assert max(map(len, text.splitlines())) <= 80
 
