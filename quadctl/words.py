@@ -132,16 +132,16 @@ def nearest(word: str, known: Iterable[str]) -> str:
 
 
 def estimate(value: float, ci95: tuple[float, float]) -> tuple[str, str]:
-    """An estimate and its 95 % interval, `0.114` and `[0.100, 0.121]`, both to the decimal of the second digit of the
-    distance to the nearer end, as more would be noise, and with four digits at most.
+    """An estimate and its 95 % interval, `0.114` and `[0.100, 0.121]`, both to the decimal of the second digit of half
+    the interval, as more would be noise, and with four digits at most; but an end that is not 0 is not shown as 0.
 
-    That of a parameter at a bound has one end, `(at its bound; at most 0.12)`.
+    That of a parameter at a bound has one end, `(at its bound; at most 0.120)`.
     """
     low, high = ci95
-    nearer = min((distance for distance in (value - low, high - value) if distance > 0.0), default=0.0)
+    decimals = max([_decimals(0.5 * (high - low)), *(_decimals(abs(end)) - 1 for end in ci95 if abs(end) > 1e-6)])
 
     def shown(x: float) -> str:
-        return with_decimals(x, _decimals(nearer))
+        return with_decimals(x, decimals)
 
     if low < high and value in ci95:
         end = f"at most {shown(high)}" if value == low else f"at least {shown(low)}"

@@ -115,15 +115,15 @@ def test_the_stack_of_a_candidate_is_that_of_the_fit_of_its_parameters(found: Di
 @pytest.mark.parametrize(
     ("value", "ci95", "shown"),
     [
-        (0.86344, (0.82, 0.86345), ("0.8634", "[0.8200, 0.8635]")),
+        (0.86344, (0.82, 0.86345), ("0.863", "[0.820, 0.863]")),
         (0.37891, (0.32, 0.4298), ("0.379", "[0.320, 0.430]")),  # by another fit 0.3791: below what the data tell
         (604.3, (489.0, 712.0), ("600", "[490, 710]")),
-        (-0.00041, (-0.09, 0.11), ("0.000", "[-0.090, 0.110]")),
+        (-0.00041, (-0.09, 0.11), ("0.00", "[-0.09, 0.11]")),
         (6.841, (0.3, 100.0), ("6.8", "[0.3, 100.0]")),
         (9.80665, (9.8066, 9.8067), ("9.807", "[9.807, 9.807]")),
         (2.5e-8, (1.1e-8, 4.2e-8), ("2.5e-08", "[1.1e-08, 4.2e-08]")),
         (23456.0, (20000.0, 26000.0), ("2.35e+04", "[2e+04, 2.6e+04]")),
-        (0.0, (0.0, 0.12), ("0", "(at its bound; at most 0.12)")),
+        (0.0, (0.0, 0.12), ("0", "(at its bound; at most 0.120)")),
     ],
 )
 def test_an_estimate_has_the_digits_that_its_interval_leaves(
@@ -136,8 +136,8 @@ def test_a_parameter_at_a_bound_has_one_end() -> None:
     drag = LinearDrag(0.3, 0.0, 3.0)
     ci95 = {"d_x": (0.2, 0.4), "d_y": (0.0, 0.12), "d_z": (2.5, 3.0)}
     expected = (
-        "d_x = 0.30 1/s [0.20, 0.40], d_y = 0 1/s (at its bound; at most 0.12), "
+        "d_x = 0.30 1/s [0.20, 0.40], d_y = 0 1/s (at its bound; at most 0.120), "
         "d_z = 3.00 1/s (at its bound; at least 2.50)"
     )
     assert parameters_in_words(parameters_of(drag, ci95)["parameters"]) == expected
-    assert "d_y = 0 1/s (at its bound; at most 0.12)" in parameters_in_text(drag, ci95)
+    assert "d_y = 0 1/s (at its bound; at most 0.120)" in parameters_in_text(drag, ci95)
