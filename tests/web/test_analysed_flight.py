@@ -180,7 +180,7 @@ def test_any_channel_is_found_by_its_name(visitor: Visitor) -> None:
 @at_the_desk
 def test_two_models_lie_over_each_other(visitor: Visitor, session: Path, tmp_path: Path) -> None:
     stand_on(visitor, "+ ground effect")
-    exported = visitor.keeps_file("header button:has-text('Save model')", tmp_path)
+    exported = visitor.keeps_file("header button:has-text('Download model')", tmp_path)
     stand_on(visitor, "rigid body")
     visitor.click("[role=tab]:has-text('Over time')")
     figure = visitor.figure("Flight over time")
@@ -300,7 +300,7 @@ def test_a_telephone_shows_first_the_verdict_then_what_to_do_then_figures(visito
     visitor.sees(".figure figcaption:has-text('of the squared error of this axis')")
     assert visitor.page.locator("figcaption:visible").evaluate_all(CUT) == []
     names = visitor.page.locator(".header-button").evaluate_all(_SHORT_NAMES)
-    assert names == (['"New"', '"Save"', '"Report"', '"Export"'] if visitor.is_on_phone else 4 * ["none"])
+    assert names == (['"New"', '"Save"', '"Report"', '"Download"'] if visitor.is_on_phone else 4 * ["none"])
 
 
 def test_all_can_be_taken_along(visitor: Visitor, tmp_path: Path) -> None:

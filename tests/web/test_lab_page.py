@@ -225,7 +225,7 @@ def test_a_newcomer_finds_the_missing_effect_and_flies_it_in_at_most_ten_clicks(
 
         visitor.click("[role=tab]:has-text('Compensator')")
         visitor.sees("text=The check accepts it")
-        exported = visitor.keeps_file(".main button:has-text('Save model')", tmp_path)
+        exported = visitor.keeps_file(".main button:has-text('Download model')", tmp_path)
         (effect,) = load_model(exported).effects
         assert effect.family() == "ground_effect"
         assert "saved as raptor_ground_effect.yaml in the downloads folder" in visitor.sees(".banner.done")
@@ -347,7 +347,7 @@ def test_what_no_effect_explains_is_said_as_an_expression_that_can_be_added(
         visitor.sees("text=Looking for what is missing")
         visitor.click(".main button:has-text('Cancel')")
         visitor.sees("button:has-text('Look for what is missing')")
-        exported = visitor.keeps_file("header button:has-text('Save model')", tmp_path)
+        exported = visitor.keeps_file("header button:has-text('Download model')", tmp_path)
         assert load_model(exported).effects[0].family() == "unexplained"
         visitor.leaves()
 

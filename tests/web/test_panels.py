@@ -855,10 +855,10 @@ class TestOpenTab:
 
     def test_a_model_outlives_its_flights(self, views: dict[str, View], tabs: Callable[[str, View], OpenTab]) -> None:
         empty, session = views["nothing yet"], views["at first"].session
-        assert "Save model" not in tabs("missing", empty).buttons
-        assert "Save model" not in tabs("missing", replace(empty, session=session.at(0))).buttons  # a rigid body
+        assert "Download model" not in tabs("missing", empty).buttons
+        assert "Download model" not in tabs("missing", replace(empty, session=session.at(0))).buttons  # a rigid body
         kept = tabs("missing", replace(empty, session=session)).buttons
-        assert "Save model" in kept and "Report" not in kept
+        assert "Download model" in kept and "Report" not in kept
 
     def test_the_vehicle_in_use_is_confirmed_and_not_begun_with_again(
         self, views: dict[str, View], tabs: Callable[[str, View], OpenTab]

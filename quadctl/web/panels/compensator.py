@@ -125,7 +125,7 @@ class Export(Panel):
         with tag("section", "card"):
             heading("Export")
             with tag("div", "line wrap"):
-                ui.button("Save model", icon="download", on_click=do.export_model).props("no-caps unelevated")
+                ui.button("Download model", icon="download", on_click=do.export_model).props("no-caps unelevated")
                 tag("span", "muted grow", "Commands that use the file; run them in the folder where it is saved:")
             for purpose, command in COMMANDS:
                 with tag("div", "next-command"):

@@ -46,7 +46,7 @@ class Header(Panel):
             ("New session", "note_add", do.start_anew, not self.starting or holds_effects),
             ("Save session", "save", do.save_session, not self.starting),
             ("Report", "description", do.save_report, not self.starting),
-            ("Save model", "download", do.export_model, not self.starting or holds_effects),  # outlives its flights
+            ("Download model", "download", do.export_model, not self.starting or holds_effects),  # outlives its flights
         ):
             if there:
                 button = ui.button(label, icon=icon, on_click=act).props(f'flat no-caps aria-label="{label}"')

@@ -157,7 +157,7 @@ def test_an_unknown_ground_effect_asks_for_a_flight_near_the_ground(world: World
 @pytest.mark.long
 def test_an_unknown_inflow_asks_for_climbs_and_descents(world: World, few: Path) -> None:
     result = asked(world.rigid.plus(find_effect("inflow", "test")()), world.hover(), [], missions=few)
-    assert result.parameter == "k of inflow.axial"
+    assert result.parameter == "k (inflow.axial)"
     assert result.best is not None
     assert result.best.mission.name.startswith("vertical_")
     climbs, runs = option(result, "vertical_runs").width, option(result, "forward_runs").width
