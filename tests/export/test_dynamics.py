@@ -38,9 +38,6 @@ from tests.support.held_out import Floats, HeldOut
 from tests.support.places import VEHICLES
 
 DRAWS = 25
-FILES, STATES = 8, 5
-"""Files that are written of each effect, with drawn parameters, and drawn states in which each is compared: to write
-one takes ten times as long."""
 Equations = Callable[[Any, Any, Any], Floats]
 
 
@@ -161,14 +158,15 @@ def test_every_effect_moves_the_vehicle_as_in_the_model(
     effect: type[Effect], write: Callable[[Model], Written]
 ) -> None:
     vehicle, random = vehicle_of(effect), np.random.default_rng(7)
-    for _ in range(FILES):
+    for _ in range(DRAWS):
         model = Model(vehicle).plus(drawn(effect, vehicle, random))
-        x_dot = write(model).x_dot
-        for _ in range(STATES):
-            x, p = drawn_state(random), drawn_parameters(model, random)
-            nominal_n = random.uniform(0.0, 8.0, vehicle.n_rotors)
-            expected = derivative(model, x, nominal_n, p)
-            assert x_dot(x, nominal_n, p)[MOVES] == pytest.approx(expected, rel=1e-9, abs=1e-9)
+        x, nominal_n, p = (
+            drawn_state(random),
+            random.uniform(0.0, 8.0, vehicle.n_rotors),
+            drawn_parameters(model, random),
+        )
+        found = write(model).x_dot(x, nominal_n, p)
+        assert found[MOVES] == pytest.approx(derivative(model, x, nominal_n, p), rel=1e-9, abs=1e-9)
 
 
 @EVERY
