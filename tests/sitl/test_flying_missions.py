@@ -14,11 +14,10 @@ from tests.support.places import ROOT
 
 MISSIONS = sorted((ROOT / "missions").glob("*.yaml"))
 SHORTER = {
-    "barometer_runs": ["heights_m=[2.0, 0.2]", "speeds_m_s=[2.5]"],
     "excitation": ["waves_s=20"],
     "forward_sweep": ["heights_m=[0.1]", "speeds_m_s=[2.75]"],
     "vertical_sweep": ["heights_m=[1.1, 0.1]", "speeds_m_s=[0.9]"],
-    "hover_heights": ["hover_s=1.5", "heights_m=[1.0, 0.21]"],
+    "hover_heights": ["hover_s=1.5"],
     "surface_heights": ["hover_s=1.5"],
     "hover_staircase": ["hover_s=5", "step_s=1"],
     "headings": ["headings_deg=[-90]"],
@@ -26,7 +25,6 @@ SHORTER = {
     "garofano_cosine": ["cycles=2"],
     "oscillation": ["cycles=3"],
     "step_forward": ["runs=[2]"],
-    "step_response": ["settle_s=4", "step_s=12"],
     "swoop": ["times=1"],
 }
 """Overrides that shorten long missions, at the lowest height and the highest speed."""
