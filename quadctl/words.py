@@ -131,6 +131,10 @@ def nearest(word: str, known: Iterable[str]) -> str:
     return f" (did you mean '{matches[0]}'?)" if matches else ""
 
 
+NEARLY_ZERO = 1e-6
+"""Largest size of a number that stands for 0, which a solver has not quite reached."""
+
+
 def estimate(value: float, ci95: tuple[float, float]) -> tuple[str, str]:
     """An estimate and its 95 % interval, `0.114` and `[0.100, 0.121]`, both to the decimal of the second digit of half
     the interval, as more would be noise, and with four digits at most; but an end that is not 0 is not shown as 0.
@@ -138,10 +142,11 @@ def estimate(value: float, ci95: tuple[float, float]) -> tuple[str, str]:
     That of a parameter at a bound has one end, `(at its bound; at most 0.120)`.
     """
     low, high = ci95
-    decimals = max([_decimals(0.5 * (high - low)), *(_decimals(abs(end)) - 1 for end in ci95 if abs(end) > 1e-6)])
+    first_digits = [_decimals(abs(end)) - 1 for end in ci95 if abs(end) > NEARLY_ZERO]
+    decimals = max([_decimals(0.5 * (high - low)), *first_digits])
 
     def shown(x: float) -> str:
-        return with_decimals(x, decimals)
+        return _with_decimals(x, decimals)
 
     if low < high and value in ci95:
         end = f"at most {shown(high)}" if value == low else f"at least {shown(low)}"
@@ -151,10 +156,11 @@ def estimate(value: float, ci95: tuple[float, float]) -> tuple[str, str]:
 
 def _decimals(size: float) -> int:
     """Decimals with which a number of this size has two digits; many for 0, or what is no number."""
+    # A difference such as 0.12 - 0.10 is a rounding below 0.02.
     return 1 - math.floor(math.log10(size) + 1e-9) if 0.0 < size < math.inf else 9
 
 
-def with_decimals(x: float, decimals: int) -> str:
+def _with_decimals(x: float, decimals: int) -> str:
     """Format with so many decimals, negative ones before the point, but with four significant digits at most."""
     most = 3 - math.floor(math.log10(abs(x))) if x and math.isfinite(x) else 0
     decimals = min(decimals, most)

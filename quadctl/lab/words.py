@@ -154,6 +154,7 @@ class Answer(Kinds, words=_WORDS):
         "{tried:count effect} of the catalogue were tried on top of {model}, each judged on {held_out}; {fitted} of "
         "them were fitted. p-values account for autocorrelation and for the number of candidates tried."
     )
+    NOT_FITTED = "Not fitted, as to first order no better than noise or another formula of the family: {effects:names}."
     REFERENCE = "The reference error is {floor_m_s2:roughly}."
     OTHERS_THAN = ("{finding}", When("distinguished", " {distinguished:Semicolons}."))
     DISTINGUISHED = "{family:family} is distinguished by {distinguished_by}"

@@ -107,7 +107,7 @@ class Comparison(Result):
             shown = told(self.fails_where, SHOWN_FAILURES)
             lines.append(
                 "Where the model fails, the largest share of the squared error first (n sigma: the largest mean of the "
-                "line is n standard errors from zero, or from the average where the line ends with one):"
+                "line is n standard errors from zero, or from the average over all samples, where the line gives it):"
             )
             lines += [f"  - {failure.said} ({abs(failure.sigma):.0f} sigma)" for failure in shown]
             if len(self.fails_where) > SHOWN_FAILURES:

@@ -9,7 +9,7 @@ from quadctl.frames import GRAVITY_M_S2
 from quadctl.lab.flights.dataset import FOLDS, Dataset
 from quadctl.lab.flights.flight import VARIABLE_NAMES, VARIABLE_UNITS
 from quadctl.lab.flights.preparation import BLOCK_S
-from quadctl.words import By, Fact, Format, Kinds, Template, When, Words, estimate, fact
+from quadctl.words import NEARLY_ZERO, By, Fact, Format, Kinds, Template, When, Words, estimate, fact
 
 UNIT = "m/s²"
 FLOOR = "what a regression of the residual on all logged variables leaves, held out; the least of all models listed"
@@ -97,12 +97,9 @@ def parameters_in_words(parameters: Mapping[str, Mapping[str, Any]]) -> str:
 
 
 def estimate_in_text(value: float, ci95: tuple[float, float] | None) -> tuple[str, str]:
-    """As `estimate`, with a true minus sign; without an interval, the value with four digits.
-
-    Less than a millionth is shown as 0, which the solver has not quite reached.
-    """
+    """As `estimate`, with a true minus sign; without an interval, the value with four digits."""
     shown, interval = (f"{value:.4g}", "") if ci95 is None else estimate(value, ci95)
-    shown = shown if abs(value) > 1e-6 else "0"
+    shown = shown if abs(value) > NEARLY_ZERO else "0"
     return shown.replace("-", "\u2212"), interval.replace("-", "\u2212")
 
 

@@ -56,7 +56,7 @@ def missing(r: Results) -> Section | None:
         [in_words(said) for said in _diagnosis_text(d, floor)],
         figures,
         tables=tables,
-        after_text=[*d.not_fitted(), *map(in_words, _confounded(d))],
+        after_text=[in_words(said) for said in (*d.not_fitted, *_confounded(d))],
     )
 
 

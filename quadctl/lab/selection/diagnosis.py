@@ -42,9 +42,9 @@ from quadctl.lab.selection.wording import (
 )
 from quadctl.lab.symbolic.formula import Symbolic
 from quadctl.lab.threads import one_blas_thread
-from quadctl.lab.words import in_words
+from quadctl.lab.words import Answer, in_words
 from quadctl.model import Model
-from quadctl.words import count
+from quadctl.words import Fact, count, fact
 
 UNITS = {"total": "", "turning": " N m", "sensing": " (IMU)"}
 
@@ -244,14 +244,15 @@ class Diagnosis(Result):
         missing = {step.effect for step in self.steps}
         against = {c.effect.name: in_words(reason_against(c, rival_of(c, self.chosen))) for c in self.ranking}
         table = _table(title, [c for c in self.ranking if c.fitted], missing, against)
-        left_out = [*self.not_fitted(), *(f"Not tried: {in_words(reason)}." for reason in self.untried)]
-        return Group(table, Text(on_terminal("\n".join(left_out))))
+        left_out = map(str, self.not_fitted)
+        untried = (f"Not tried: {in_words(reason)}." for reason in self.untried)
+        return Group(table, Text(on_terminal("\n".join([*left_out, *untried]))))
 
-    def not_fitted(self) -> list[str]:
-        """Sentence with the candidates that were not fitted; none where all were."""
-        names = ", ".join(c.effect.name for c in self.ranking if not c.fitted)
-        why = "Not fitted, as to first order no better than noise or another formula of the family"
-        return [f"{why}: {names}."] if names else []
+    @property
+    def not_fitted(self) -> list[Fact]:
+        """The candidates that were not fitted, as one fact; none where all were."""
+        names = [c.effect.name for c in self.ranking if not c.fitted]
+        return [fact(Answer.NOT_FITTED, effects=names)] if names else []
 
 
 def _of_attitudes(fit: FittedModel | None) -> list[Finding]:
