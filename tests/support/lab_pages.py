@@ -30,7 +30,7 @@ def served(out: Path, *arguments: str, port: int | None = None) -> Iterator[tupl
 
 def stand_on(visitor: Visitor, step: str) -> None:
     """Go to a step of the model sequence, if the page does not stand there already."""
-    here = f".step.here:has-text('{step}')"
-    if not visitor.page.locator(here).count():
-        visitor.clicks_until_it_sees(here, f".step-button:has-text('{step}')")
+    named = f":has(.step-name:has-text('{step}'))"
+    if not visitor.page.locator(f".step.here{named}").count():
+        visitor.clicks_until_it_sees(f".step.here{named}", f".step-button{named}")
     visitor.waits_until_done()

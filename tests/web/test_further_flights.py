@@ -51,7 +51,7 @@ def stays(
     visitor = Visitor(browser, lab[0], *request.param)
     stand_on(visitor, "+ ground effect")
     visitor.press(".stack button:has-text('Refit')")
-    visitor.sees(f".step.here:has-text('{FITTED}')")
+    visitor.sees(f".step.here .step-name:has-text('{FITTED}')")
     yield visitor
     visitor.leaves()
 
@@ -142,7 +142,7 @@ def test_a_flight_that_was_not_in_the_fit_is_named_with_its_error_and_a_refit_is
     expect(visitor.page.locator("#fitted-to")).to_have_count(0, timeout=PATIENCE_MS)
     leave_out(visitor, "second.csv")
     visitor.press("button[aria-label='Undo']")  # the refit
-    visitor.sees(f".step.here:has-text('{FITTED}')")
+    visitor.sees(f".step.here .step-name:has-text('{FITTED}')")
 
 
 @pytest.mark.parametrize("answer", ["Use it anyway", "Leave it out"])
