@@ -71,14 +71,14 @@ def horizontal_speed_squared(c: Conditions) -> Number:
 
 @dataclass(frozen=True)
 class Exponential(GroundEffect):
-    """K = c + a exp(-b z): the compact form found by sparse regression, made physical by c = 1 (no effect far away).
+    """K = c + a exp(-b z), z the height of the rotors in m; with c = 1 there is no effect far away.
 
     The thesis fits c = 1.028 (a = 0.114, b = 5.388) and c = 0.988 (a = 0.147, b = 4.368); c other than 1 adds or
     removes thrust at every height and belongs to `thrust_scale`.
     """
 
     name: ClassVar[str] = "ground_effect.exponential"
-    source: ClassVar[str] = "Appius, thesis, eq. 14 and 16, with c = 1"
+    source: ClassVar[str] = "Appius, thesis, eq. 14 and 16 (found by sparse regression), with c = 1"
     formula: ClassVar[str] = r"K = c + a \, e^{-b z}"
 
     a: float = parameter(0.114, 0.0, 5.0, "", "gain in thrust at height 0")

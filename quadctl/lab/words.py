@@ -138,20 +138,17 @@ class Answer(Kinds, words=_WORDS):
     LOWERS = ("{effect} lowers the held-out error by {drop:percent}", IF_IT_FLEW, ".")
     ON_FLIGHTS = "on {flights:flights}"
     ON_UNSEEN = "on {flights:flights}, which no fit has seen"
-    ON_HELD_OUT = "on {held_out}"
     FALLS = "The error on the unseen data falls by {drop:percent} (95% interval {low:percent} to {high:percent})."
     LEFT = "The remaining error is {times:.2f} times the reference error of {floor_m_s2:roughly}."
     LEFT_WITH = (
-        "With these effects, the remaining error is ",
-        When("above", "{times:.2f} times", "{left_m_s2:m/s²}, below"),
-        " the reference error of {floor_m_s2:roughly}.",
+        "With these effects, the remaining error is {times:.2f} times the reference error of {floor_m_s2:roughly}."
     )
     ERROR_OF_MODEL = (
         "The acceleration error of the model is {error_m_s2:m/s²} (95% interval {low:.3g} to {high:.3g}); a flexible "
         "regression on all logged variables leaves {floor_m_s2:roughly}."
     )
     TRIED = (
-        "{tried:count effect} of the catalogue were tried on top of {model}, each judged on {held_out}; {fitted} of "
+        "{tried:count effect} of the catalogue were tried beside {model}, each judged on {held_out}; {fitted} of "
         "them were fitted. p-values account for autocorrelation and for the number of candidates tried."
     )
     NOT_FITTED = "Not fitted, as to first order no better than noise or another formula of the family: {effects:names}."

@@ -152,7 +152,7 @@ class Kind(Kinds, words=_WORDS):
     INFINITE_VALUES = "{values:count infinite value} of {column} read as missing"
     IMPOSSIBLE_VALUES = "{values:count impossible value} of {column} (beyond {limit:g}) read as missing"
     NO_VALUES = "{channel} holds no values"
-    NEVER_CHANGES = "the same in the whole log: {channels:list}"
+    NEVER_CHANGES = "constant in the whole log: {channels:list}"
     SPEEDS_ZERO = (
         "{source} ",
         When("several", "report", "reports"),

@@ -92,7 +92,7 @@ class TestChannels:
     def test_empty_and_constant_channels_are_named(self) -> None:
         report = quality(flight({"battery_v": np.full(3000, np.nan), "throttle_cmd": np.full(3000, 0.5)}))
         assert "battery holds no values" in report.notes
-        assert "the same in the whole log: throttle command" in report.notes
+        assert "constant in the whole log: throttle command" in report.notes
 
     def test_one_dead_motor_does_not_hide_the_others(self) -> None:
         report = quality(flight({"motor2_rpm": np.full(3000, np.nan)}))

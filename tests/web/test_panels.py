@@ -565,7 +565,7 @@ class TestOpenTab:
     def test_a_bar_says_where_its_error_is_of_a_model_as_it_stands(
         self, views: dict[str, View], tabs: Callable[[str, View], OpenTab]
     ) -> None:
-        said = "parameters not fitted to these flights"
+        said = "not fitted to all of these flights"
         assert said not in str(tabs("missing", views["at first"]).shown)
         assert str(tabs("missing", views["an error as the model stands"]).shown).count(said) == 1
 

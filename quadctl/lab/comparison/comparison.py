@@ -105,9 +105,12 @@ class Comparison(Result):
             lines.append(self.agreement.said)
         if self.fails_where:
             shown = told(self.fails_where, SHOWN_FAILURES)
+            from_average = (
+                ", or from the average in brackets" if any(f.said.facts.get("average") for f in shown) else ""
+            )
             lines.append(
                 "Where the model fails, the largest share of the squared error first (n sigma: the largest mean of the "
-                "line is n standard errors from zero, or from the average over all samples, where the line gives it):"
+                f"line is n standard errors from zero{from_average}):"
             )
             lines += [f"  - {failure.said} ({abs(failure.sigma):.0f} sigma)" for failure in shown]
             if len(self.fails_where) > SHOWN_FAILURES:

@@ -12,8 +12,11 @@ from quadctl.lab.flights.preparation import BLOCK_S
 from quadctl.words import NEARLY_ZERO, By, Fact, Format, Kinds, Template, When, Words, estimate, fact
 
 UNIT = "m/s²"
-FLOOR = "what a regression of the residual on all logged variables leaves, held out; the least of all models listed"
-"""Meaning of the reference error; the steps are the models that were compared on these flights."""
+FLOOR = (
+    "what a regression of a model's residual on all logged variables leaves, held out; of the models compared, the "
+    "smallest"
+)
+"""Meaning of the reference error."""
 NO_PARAMETERS = "no free parameters"
 ERRORS = {"total": "acceleration error", "turning": "moment error", "sensing": "accelerometer error"}
 """Name of the error of each measured group."""
@@ -236,7 +239,7 @@ class Said(Kinds, words=Words(FORMATS)):
     DEPENDENCE = (
         "The {axis} residual depends on the {variable:variable} (mean {ends:and}): {share:.0%} of the squared "
         "error of this axis",
-        When("also", ", which shows over {also:variables}, too"),
+        When("also", "; the same error shows over {also:variables}, too"),
     )
     MEAN_AT = "{mean_m_s2:signed} m/s² at {at:end} {unit}"
     FAILS = ("{failure}", IF_IT_FLEW, ".")
@@ -272,8 +275,8 @@ class Said(Kinds, words=Words(FORMATS)):
     )
     ERRORS = "its error is {judged_m_s2:m/s²} on {judged:flights} and {reference_m_s2:m/s²} on {reference:flights}"
     TOO_SHORT = "one of them is too short for an interval"
-    MAY_BE_MORE = f"the difference is {{ci95:range}}; 'as well' needs less than {_LIMIT}"
-    IS_LESS = f"the difference is {{ci95:range}}, below {_LIMIT}"
+    MAY_BE_MORE = f"the difference, {{ci95:range}}, may be more than what counts as equal, {_LIMIT}"
+    IS_LESS = f"the difference, {{ci95:range}}, is less than {_LIMIT}"
     SHIFT = (
         "the mean residual {axis}",
         When("variable", " at a {variable:variable} from {low:.3g} to {high:.3g} {variable:unit}"),

@@ -39,7 +39,7 @@ def flights(r: Results) -> Section:
     duration = sum(flight.duration_s for flight in dataset.flights)
     text = [
         f"{count(len(dataset.flights), 'flight')} with {duration:.0f} s in the air and {len(dataset.measured)} "
-        f"nearly independent samples, filtered to {listed(widths)} Hz. "
+        f"samples, filtered to {listed(widths)} Hz. "
         "Measured and predicted acceleration pass the same filter.",
         f"Held-out errors below refer to {held_out(dataset)}. The rotor delay is the delay of the logged rotor signal "
         "relative to the force it makes; it has been corrected. Parts of the logs that are not used are listed below "
@@ -77,8 +77,8 @@ def over_time(r: Results) -> Section:
     low, high = rmse_interval(c.residual, c.dataset)
     text = [
         f"The difference between the line of {c.model.name} and the black line is its acceleration error: "
-        f"{quantity(c.rmse['total'])} (RMSE over all axes, 95% interval {low:.3g} to {high:.3g}), largest on the "
-        f"{worst} axis ({quantity(c.rmse[worst])}).",
+        f"{quantity(c.rmse['total'])} (RMSE over all axes, per-flight bias not removed, 95% interval {low:.3g} to "
+        f"{high:.3g}), largest on the {worst} axis ({quantity(c.rmse[worst])}).",
         f"{c.variance} The reference error is {roughly(floor_total(r))}: {FLOOR}.",
     ]
     if r.shown.errors_m_s2 is not None:
@@ -226,9 +226,9 @@ def _failures(c: Comparison, anchor: str, title: str, name: str) -> Section:
         for f in shown
     ]
     text = [
-        f"{count(len(c.fails_where), 'finding')}, that with the largest squared error first; several may have the same "
-        f"cause. Of the thrust, 1% of the weight is {0.01 * GRAVITY_M_S2:.2f} {UNIT}. Errors no larger than the "
-        "per-flight bias of any real vehicle need no effect."
+        f"{count(len(shown), 'finding')}, the largest squared error first; several may have the same cause. An error "
+        f"of the thrust of 1% of the weight is {0.01 * GRAVITY_M_S2:.2f} {UNIT}. Every real vehicle has a per-flight "
+        "bias; an error no larger than that needs no further effect."
     ]
     more = len(c.fails_where) - len(shown)
     said = (followed(shown, c.dataset), unexplained(c.fails_where, c.rmse))
@@ -238,7 +238,11 @@ def _failures(c: Comparison, anchor: str, title: str, name: str) -> Section:
         text,
         tables=[Table(["where and how", f"mean residual / {UNIT}", "sigma"], rows)],
         after_text=[
-            *([f"Not listed: {more} with smaller errors, or parts of these."] if more else []),
+            *(
+                [f"Not listed: {count(more, 'finding')} of smaller errors, or of parts of those listed."]
+                if more
+                else []
+            ),
             *(str(part) for part in said if part is not None),
         ],
     )

@@ -39,9 +39,9 @@ def missing(r: Results) -> Section | None:
             figure(
                 plots.ranking(d, floor),
                 "ranking",
-                "Drop of the held-out error by each candidate that was fitted: first the missing effects, each added "
-                "to those before it; then the other candidates, each added to the missing ones. Dark blue: missing; "
-                "light blue: would be missing without these; grey: not supported.",
+                "Drop of the held-out error by each candidate that was fitted. Dark blue: missing effects, each added "
+                "to those before it; light blue: alternatives to these; grey: not supported. Alternatives and effects "
+                "not supported are each added to the missing effects of other families.",
             )
         )
     if len(d.steps) > 1:
@@ -79,7 +79,7 @@ def _verdict_table(d: Diagnosis) -> Table:
     finding = f"yes: {listed([step.effect for step in d.steps[1:]])}" if d.missing else "no"
     explains = "yes: the logged variables explain a" if d.unexplained else "no: the logged variables explain no"
     error = "remaining error" if d.missing else "error"
-    left = f"{explains} significant part of the {error}{_aside(d)}"
+    left = f"{explains} significant part of the {error}{_left_out(d)}"
     test = (
         f"an effect has p < {RULE.significant:g} and lowers the held-out error of one axis by more than "
         f"{RULE.material:.0%} and explains more than {RULE.least_m_s2:g} m/s² of it, or explains more than "
@@ -104,10 +104,10 @@ def _verdict_table(d: Diagnosis) -> Table:
     return Table(["possible verdict", "what these data say"], list(rows.values()), words=2, marked=marked)
 
 
-def _aside(d: Diagnosis) -> str:
-    """The variables that are left aside where it is said what the error depends on."""
-    aside = [VARIABLE_NAMES[name] for name in d.dataset.followers] if d.dataset.flights else []
-    return f" (without {listed(aside)})" if aside else ""
+def _left_out(d: Diagnosis) -> str:
+    """The variables that are left out where it is said what the error depends on."""
+    left_out = [VARIABLE_NAMES[name] for name in d.dataset.followers] if d.dataset.flights else []
+    return f" ({listed(left_out)} left out: these may follow from it)" if left_out else ""
 
 
 def _ranking_table(d: Diagnosis) -> Table:

@@ -25,6 +25,8 @@ def lowest_floors(r: Results) -> dict[str, float]:
     models += [r.addition.model] if r.addition is not None else []
     aligned = [(model, r.comparison.dataset.aligned_for(model)) for model in models]
     floors = [r.comparison.noise_floor, *(floor_on(dataset, dataset.residual(model)) for model, dataset in aligned)]
+    if r.diagnosis is not None and r.diagnosis.fit is not None:
+        floors.append(floor_on(r.diagnosis.fit.dataset, r.diagnosis.fit.held_out_residual[:, :3]))
     lowest = {name: min(floor[name] for floor in floors) for name in r.comparison.noise_floor}
     shown = r.shown.floor_m_s2
     return lowest if shown is None or r.shown.on_unseen else lowest | {"total": shown}

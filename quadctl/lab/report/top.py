@@ -2,7 +2,7 @@
 
 from quadctl.lab.comparison.failures import most_telling
 from quadctl.lab.comparison.reservations import reservations
-from quadctl.lab.comparison.wording import FLOOR, Said, change_in_words, held_out, number, percent, roughly
+from quadctl.lab.comparison.wording import FLOOR, Said, change_in_words, number, percent, roughly, where
 from quadctl.lab.finding import Finding
 from quadctl.lab.fitting.bootstrap import drop_interval
 from quadctl.lab.report.numbers import (
@@ -50,11 +50,10 @@ def _main_number(r: Results) -> tuple[float, float | None, Fact | str]:
         return unseen_before(r)["total"], r.after.rmse["total"], unseen
     if r.diagnosis is not None and len(r.diagnosis.steps) > 1:
         steps = r.diagnosis.steps
-        judged = fact(Answer.ON_HELD_OUT, held_out=held_out(r.diagnosis.dataset))
-        return steps[0].rmse["total"], steps[-1].rmse["total"], judged
+        return steps[0].rmse["total"], steps[-1].rmse["total"], where(r.diagnosis.dataset, ())
     if r.addition is not None:
         a = r.addition
-        return a.before["total"], a.after["total"], fact(Answer.ON_HELD_OUT, held_out=held_out(a.dataset))
+        return a.before["total"], a.after["total"], where(a.dataset, ())
     return r.comparison.rmse["total"], None, fact(Answer.ON_FLIGHTS, flights=r.comparison.dataset.names)
 
 
@@ -90,7 +89,7 @@ def _what_is_left(r: Results) -> list[Fact]:
     floor = floor_total(r)
     if r.diagnosis is not None and r.diagnosis.verdict == "missing":
         left = r.diagnosis.steps[-1].rmse["total"]
-        return [fact(Answer.LEFT_WITH, left_m_s2=left, times=left / floor, above=left >= floor, floor_m_s2=floor)]
+        return [fact(Answer.LEFT_WITH, times=left / floor, floor_m_s2=floor)]
     low, high = rmse_interval(r.comparison.residual, r.comparison.dataset)
     error = r.comparison.rmse["total"]
     return [fact(Answer.ERROR_OF_MODEL, error_m_s2=error, low=low, high=high, floor_m_s2=floor)]

@@ -11,13 +11,11 @@ from rich.table import Table
 from rich.text import Text
 
 from quadctl.effects import Effect
-from quadctl.lab.comparison.comparison import Comparison, compare
+from quadctl.lab.comparison.comparison import Comparison, compare, floor_on
 from quadctl.lab.comparison.wording import on_terminal, parameter_lines
 from quadctl.lab.finding import Finding, Kind, parameters_of
 from quadctl.lab.fitting.fitted_model import fit_model
-from quadctl.lab.fitting.flexible_regression import flexible_residual, noise_floor
 from quadctl.lab.flights.dataset import Dataset
-from quadctl.lab.flights.prediction import rmse
 from quadctl.lab.results import Result, errors_table
 from quadctl.lab.selection.addition import Addition, add
 from quadctl.lab.selection.diagnosis import Diagnosis, diagnose_fit
@@ -57,8 +55,7 @@ class Discovery(Result):
         never above the error of the model found."""
         floors = [self.before.noise_floor]
         if self.diagnosis.fit is not None:
-            residual = self.diagnosis.fit.held_out_residual[:, :3]
-            floors.append(rmse(noise_floor(residual, flexible_residual(residual, self.diagnosis.fit.dataset))))
+            floors.append(floor_on(self.diagnosis.fit.dataset, self.diagnosis.fit.held_out_residual[:, :3]))
         return min(floors, key=lambda floor: floor["total"])
 
     @property

@@ -24,7 +24,7 @@ _HEADINGS = {
 }
 
 
-_WORDS = Words({"order": lambda errors: "; ".join(f"{name} {error:.3f}" for error, name in errors)})
+_WORDS = Words({"order": lambda errors: "; ".join(f"'{name}' {error:.3f}" for error, name in errors)})
 
 
 @unique

@@ -17,7 +17,7 @@ def step_figure(steps: StepResponses, theme: Theme, close_up: bool) -> Figure:
         colour, dash = looks.get(name, (theme.muted, "dash"))
         y = 1000.0 * track.error_m if close_up else track.position_m
         line = {"color": colour, "dash": dash, "width": 2}
-        moved = f"{name} (at the same setpoint)" if name == FAR else name
+        moved = f"{name} (shifted to this setpoint)" if name == FAR else name
         data.append({"type": "scatter", "mode": "lines", "name": moved, "x": track.time_s, "y": y, "line": line})
         settled += np.quantile(y[track.time_s > 0.15 * track.time_s[-1]], [0.0, 1.0]).tolist()
     if close_up:

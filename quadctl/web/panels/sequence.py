@@ -142,7 +142,7 @@ class _Bars:
                     if self.floor is not None:
                         tag("span", "floor").style(f"left:{100.0 * self.floor:.1f}%")
                 if as_it_stands and error is not None:
-                    tag("span", "step-kind", "parameters not fitted to these flights")
+                    tag("span", "step-kind", "not fitted to all of these flights")
 
 
 def _plain(name: str) -> str:

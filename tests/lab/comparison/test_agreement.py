@@ -55,7 +55,7 @@ class TestFacts:
     def test_are_said_with_their_numbers(self) -> None:
         assert str(found(0.41, (-0.03, 0.05)).said) == (
             "The model fitted to a.csv predicts b.csv as well as a.csv: its error is 0.410 m/s² on b.csv and "
-            "0.400 m/s² on a.csv; the difference is from \u22120.03 to +0.05 m/s² (95%), below 0.100, 25% of the "
+            "0.400 m/s² on a.csv; the difference, from \u22120.03 to +0.05 m/s² (95%), is less than 0.100, 25% of the "
             "error on a.csv."
         )
         assert str(found(0.52, (0.05, 0.19), "others").parts[0]) == (

@@ -231,7 +231,8 @@ class TestWhatThePageHolds:
         low, high = rmse_interval(flown.before.residual, flown.before.dataset)
         total = flown.before.rmse["total"]
         assert low < total < high
-        assert f"{quantity(total)} (RMSE over all axes, 95% interval {low:.3g} to {high:.3g})" in page.text
+        of = "RMSE over all axes, per-flight bias not removed, 95% interval"
+        assert f"{quantity(total)} ({of} {low:.3g} to {high:.3g})" in page.text
         (item,) = flown.addition.model.stack
         for name, unit in (("a", ""), ("b", " 1/m")):
             value, interval = estimate(item.effect.values()[name], item.ci95[name])
