@@ -159,6 +159,8 @@ class Flight:
     """Filtered kinematic acceleration by the accelerometer, north, east, up, m/s^2, shape (n, 3); None without one."""
     velocity_lag_s: float = 0.0
     """Lag of the logged velocity behind the position, s, which has been taken out."""
+    velocity_filtered: bool = False
+    """True where that lag is one of a first-order filter, which rounds the velocity, and not a delay."""
     trajectory: Floats | None = None
     """Filtered kinematic acceleration by the velocity, as `measured`, where an axis of that is by the accelerometer
     (see `by_force` and `by_accelerometer`); None where it is by the velocity itself."""
@@ -231,11 +233,24 @@ class Flight:
             return self
         return replace(self, nominal_n=list(self.later(np.array(self.logged_n), delay_s)), delay_s=delay_s)
 
-    def with_velocity_lag(self, lag_s: float) -> "Flight":
-        """Copy of the flight whose velocity is read `lag_s` later than it was logged."""
-        if lag_s == self.velocity_lag_s:
+    def prompt_velocity(self, lag_s: float, filtered: bool) -> tuple[Floats, Floats, Floats]:
+        """Velocity on the grid, north, east, up, m/s, shape (m,) each, with a lag taken out: it is read `lag_s` later,
+        or what a first-order filter of that time constant has done to it is undone."""
+        north, east, up = self.velocity_neu
+        if not filtered:
+            return self.later(north, lag_s), self.later(east, lag_s), self.later(up, lag_s)
+        lag_steps = lag_s / (self.grid_s[1] - self.grid_s[0])
+        return (
+            north + lag_steps * np.gradient(north),
+            east + lag_steps * np.gradient(east),
+            up + lag_steps * np.gradient(up),
+        )
+
+    def with_velocity_lag(self, lag_s: float, filtered: bool = False) -> "Flight":
+        """Copy of the flight with the lag of its velocity taken out (see `prompt_velocity`)."""
+        if (lag_s, filtered) == (self.velocity_lag_s, self.velocity_filtered):
             return self
-        north, east, up = (self.later(v, lag_s) for v in self.velocity_neu)
+        north, east, up = self.prompt_velocity(lag_s, filtered)
         c = self.conditions
         later = replace(
             self,
@@ -244,6 +259,7 @@ class Flight:
             trajectory=None,
             doubted_axes=(),
             velocity_lag_s=lag_s,
+            velocity_filtered=filtered,
         )
         return later.by_force() if self.tells_force else later.by_accelerometer(self.doubted_axes)
 
@@ -290,7 +306,7 @@ class Flight:
     @property
     def velocity_up(self) -> Floats:
         """Climb rate over ground on the grid, m/s, shape (m,)."""
-        return self.later(self.velocity_neu[2], self.velocity_lag_s)
+        return self.prompt_velocity(self.velocity_lag_s, self.velocity_filtered)[2]
 
     def later(self, signal: Floats, delay_s: float) -> Floats:
         """Signal on the grid, shape (m,) or (signals, m), read `delay_s` later, by linear interpolation; constant

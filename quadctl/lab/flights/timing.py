@@ -60,6 +60,8 @@ LEAST_SHARE = 0.1
 nothing is known of its time."""
 LEAST_MOTION_M_S2 = 1e-3
 """Least root mean square of a quick motion that tells of delays; less is rounding."""
+LEAST_LEFT = 1e-6
+"""Least sum of squares of a difference of velocities, (m/s)^2; less is rounding."""
 PROBE_S = 0.005
 """Step of the finite difference of the prediction over the delay."""
 
@@ -70,9 +72,10 @@ def timed(flights: Sequence[Flight], lag: Model) -> tuple[Flight, ...]:
     `lag` is a model that holds the effects that delay the thrust, given which the delay of the rotor signal is
     estimated: a delay that is estimated without the lag would contain a part of the lag.
     """
-    velocity = _shrunk([_velocity_lag(flight) for flight in flights], VELOCITY_PRIOR)
+    lags, filtered = _velocity_lags(flights)
+    velocity = _shrunk(lags, VELOCITY_PRIOR)
     prompt = [
-        flight.with_velocity_lag(of_flight.value)
+        flight.with_velocity_lag(of_flight.value, filtered)
         for flight, of_flight in zip(flights, velocity.of_flights, strict=True)
     ]
     rotor = _shrunk([_rotor_delay(flight, lag) for flight in prompt], ROTOR_PRIOR)
@@ -155,18 +158,36 @@ def _shrunk(own: Sequence[Estimate], prior: Estimate) -> _Shrunk:
     return _Shrunk(common, each)
 
 
-def _velocity_lag(flight: Flight) -> Estimate:
-    """Lag of the logged velocity behind the derivative of the position, s, from motion along all three axes.
+def _velocity_lags(flights: Sequence[Flight]) -> tuple[list[Estimate], bool]:
+    """Lag of the velocity of each flight, and whether it is that of a first-order filter.
 
-    A velocity that is late by a lag is off by the lag times the acceleration: the estimate is the regression of the
-    difference on the acceleration, repeated with the velocity moved by what was found.
+    It is where undoing a filter clearly leaves less of the difference from the derivative of the position than reading
+    the velocity later, which leaves it rounded. Each flight has a noise of its own, so that ratios of the sums of
+    squares are averaged.
+    """
+    by_delay, by_filter = ([_velocity_lag(flight, filtered) for flight in flights] for filtered in (False, True))
+    left = [
+        (of_filter + LEAST_LEFT) / (of_delay + LEAST_LEFT)
+        for (_, of_delay), (_, of_filter) in zip(by_delay, by_filter, strict=True)
+    ]
+    filtered = float(np.mean(np.log(left))) < math.log(CLEARLY)
+    return [lag for lag, _ in (by_filter if filtered else by_delay)], filtered
+
+
+def _velocity_lag(flight: Flight, filtered: bool) -> tuple[Estimate, float]:
+    """Lag of the logged velocity behind the derivative of the position, s, from motion along all three axes, and the
+    sum of squares of the difference that it leaves, (m/s)^2.
+
+    A velocity that lags is off by the lag times the acceleration: the estimate is the regression of the difference on
+    the acceleration, repeated with what was found taken out of the velocity.
     """
     c = flight.conditions
     true = np.column_stack([flight.derivative @ x for x in (*c.position_ne_m, c.height_m)])
-    found = Estimate(0.0, UNSEEN_STD_S)
+    found, left = Estimate(0.0, UNSEEN_STD_S), math.inf
     for _ in range(ITERATIONS):
-        seen = [flight.later(v, found.value) for v in flight.velocity_neu]
-        error = _quick(flight, true - flight.filtered_vector((seen[0], seen[1], seen[2])))
+        seen = flight.prompt_velocity(found.value, filtered)
+        error = _quick(flight, true - flight.filtered_vector(seen))
+        left = float(np.sum(error**2))
         acceleration = _quick(flight, np.column_stack([flight.derivative @ v for v in seen]))
         (step,), (std,) = _regression(flight, error, [acceleration])
         lag_s = float(np.clip(found.value + np.clip(step, -MAX_STEP_S, MAX_STEP_S), *VELOCITY_RANGE_S))
@@ -174,7 +195,7 @@ def _velocity_lag(flight: Flight) -> Estimate:
         found = Estimate(lag_s, float(std) if lag_s not in VELOCITY_RANGE_S else UNSEEN_STD_S)
         if abs(step) < 0.1 * LEAST_STD_S:
             break
-    return found
+    return found, left
 
 
 def _rotor_delay(flight: Flight, lag: Model) -> Estimate:

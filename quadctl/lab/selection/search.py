@@ -115,7 +115,7 @@ def _promising(subsets: Subsets, first_order: FirstOrder, progress: Progress) ->
     held, least, tried = [best], subsets.rank(best), set[frozenset[str]]()
     for expected, subset in first_order.promising():
         enough = subsets.rank(best) + subsets.rule.equal_score
-        if any(kept and kept <= subset and subsets.rank(kept) < enough for kept in held):
+        if any(kept and families(kept) <= families(subset) and subsets.rank(kept) < enough for kept in held):
             continue  # what is left is tried on top of the best
         if len(tried) == MOST_FITTED:
             break

@@ -5,6 +5,7 @@ import dataclasses
 import numpy as np
 import pytest
 
+from quadctl.effects.motor_lag import lagged
 from quadctl.lab.fitting.fitter import Fitter
 from quadctl.lab.fitting.nuisances import AGE, BOUND, PRIOR_STD, bounds, prior_std
 from quadctl.lab.flights.dataset import load_dataset
@@ -21,6 +22,13 @@ LAG_S = 0.03
 def with_late_velocity(log: FlightLog, lag_s: float = LAG_S) -> FlightLog:
     late = {name: np.interp(log.time_s - lag_s, log.time_s, log[name]) for name in VELOCITY}
     return dataclasses.replace(log, columns={**log.columns, **late})
+
+
+def with_filtered_velocity(log: FlightLog, lag_s: float) -> FlightLog:
+    """The same flight whose velocity has passed a first-order low-pass filter."""
+    step_s = float(np.median(np.diff(log.time_s)))
+    filtered = {name: lagged(log[name], step_s, lag_s) for name in VELOCITY}
+    return dataclasses.replace(log, columns={**log.columns, **filtered})
 
 
 def answering_noise(log: FlightLog, gain: float, random: np.random.Generator) -> FlightLog:
@@ -47,6 +55,19 @@ class TestVelocity:
         assert plain.flights[0].velocity_lag_s == pytest.approx(0.0, abs=0.003)
         up, expected = (data.measured[:-1, 2] for data in (late, plain))  # the last sample sees beyond the log
         assert up == pytest.approx(expected, abs=0.05 * float(np.std(expected)))
+
+    @pytest.mark.parametrize("lag_s", [0.08, 0.14])
+    def test_a_filter_is_told_from_a_delay_and_what_it_rounds_comes_back(self, rigid: Model, lag_s: float) -> None:
+        flown = obedient(rigid)
+        plain, late, filtered = (
+            load_dataset([log], rigid.vehicle).flights[0]
+            for log in (flown, with_late_velocity(flown, lag_s), with_filtered_velocity(flown, lag_s))
+        )
+        assert (plain.velocity_filtered, late.velocity_filtered, filtered.velocity_filtered) == (False, False, True)
+        assert filtered.velocity_lag_s == pytest.approx(lag_s, abs=0.01)
+        up, expected = filtered.measured[1:-1, 2], plain.measured[1:-1, 2]
+        assert up == pytest.approx(expected, abs=0.1 * float(np.std(expected)))
+        assert float(np.std(up)) == pytest.approx(float(np.std(expected)), rel=0.02)
 
     def test_the_interval_holds_it(self, rigid: Model) -> None:
         data = load_dataset([with_late_velocity(obedient(rigid))], rigid.vehicle)
