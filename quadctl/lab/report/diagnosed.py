@@ -107,7 +107,7 @@ def _verdict_table(d: Diagnosis) -> Table:
 def _left_out(d: Diagnosis) -> str:
     """The variables that are left out where it is said what the error depends on."""
     left_out = [VARIABLE_NAMES[name] for name in d.dataset.followers] if d.dataset.flights else []
-    return f" ({listed(left_out)} left out: these may follow from it)" if left_out else ""
+    return f" ({listed(left_out)} left out: a controller changes these to counter it)" if left_out else ""
 
 
 def _ranking_table(d: Diagnosis) -> Table:
