@@ -342,7 +342,8 @@ class TestOutput:
         first = " ".join(on_a_narrow_terminal(ranked).split("Tracking")[0].split())
         assert first.endswith("M_B (m s): 'better' 0.250; 'worse' 0.500.")
         without = metrics([worse, better], window=window, setpoint_m=0.0)
-        assert "RMSE of the error (m): 'better' 1.500; 'worse' 1.750." in " ".join(on_a_narrow_terminal(without).split())
+        said = " ".join(on_a_narrow_terminal(without).split())
+        assert "RMSE of the error (m): 'better' 1.500; 'worse' 1.750." in said
 
     def test_table_shows_every_number_on_a_narrow_terminal(self) -> None:
         shown = on_a_narrow_terminal(self.result)
