@@ -2,6 +2,7 @@
 
 import functools
 import gc
+import signal
 import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -25,6 +26,10 @@ pytest.register_assert_rewrite("watched", "log_files")
 # No deadline: how long one example takes says more about the machine than about the code.
 settings.register_profile("quadctl", deadline=None, max_examples=40)
 settings.load_profile("quadctl")
+
+# A shell starts what runs in the background deaf to Ctrl-C, and so would be the commands that tests interrupt.
+if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
+    signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
 AGAIN = 4
