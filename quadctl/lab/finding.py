@@ -55,6 +55,8 @@ class Kind(StrEnum):
     """`effect`, `parameters`, `p`."""
     LATE_POSITION = "late position"
     """`delay_ms`, `low_ms`, `high_ms`."""
+    LATE_OR_LAGGING = "late position or motor lag"
+    """The same."""
     ATTITUDE_OFF = "attitude off"
     """`flights`: by name, `roll_deg` and `pitch_deg` by which the vehicle leans more than its motion capture says, as
     its motion and its accelerometer show; `largest_deg`."""

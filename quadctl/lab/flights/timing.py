@@ -95,12 +95,14 @@ def comes_too_early(timing: Timing) -> bool:
 
 
 def of_timing(timing: Timing) -> list[Finding]:
-    """Finding on a position that is later than positions usually are; none otherwise."""
-    if timing.rotor.value > -MOST_EARLY_S or timing.earliest_s > timing.rotor.value:
+    """Finding on a force that comes later than positions usually are: by a late position, or by that or motors that
+    lag; none otherwise."""
+    if timing.rotor.value > -MOST_EARLY_S:
         return []
+    kind = Kind.LATE_POSITION if timing.earliest_s < timing.rotor.value else Kind.LATE_OR_LAGGING
     low, high = sorted(-1000.0 * end for end in timing.rotor.ci95)
     late = {"delay_ms": -1000.0 * timing.rotor.value, "low_ms": low, "high_ms": high}
-    return [Finding(Kind.LATE_POSITION, late)]
+    return [Finding(kind, late)]
 
 
 def _is_position_late(flights: Sequence[Flight], delays_s: Sequence[float], lag: Model) -> bool:

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from quadctl.effects.motor_lag import lagged
+from quadctl.lab.finding import Kind
 from quadctl.lab.fitting.fitter import Fitter
 from quadctl.lab.fitting.nuisances import AGE, BOUND, PRIOR_STD, bounds, prior_std
 from quadctl.lab.flights.dataset import load_dataset
@@ -130,6 +131,9 @@ class TestSignalsThatComeBeforeTheirForce:
         assert not comes_too_early(late.flights[0].timing)
         assert comes_too_early(lagging.flights[0].timing)
         assert lagging.flights[0].delay_s == -MOST_EARLY_S
+        assert of_timing(late.flights[0].timing) == []
+        (told,) = of_timing(lagging.flights[0].timing)
+        assert told.kind is Kind.LATE_OR_LAGGING and told.facts["low_ms"] < 70.0 < told.facts["high_ms"]
 
     def test_a_position_that_is_later_than_usual_is_taken_for_what_it_is(self, rigid: Model) -> None:
         """A lag would round the quick changes, which a delay leaves as they are."""
@@ -137,7 +141,7 @@ class TestSignalsThatComeBeforeTheirForce:
         assert data.flights[0].delay_s == pytest.approx(-0.1, abs=0.003)
         assert not comes_too_early(data.flights[0].timing)
         (told,) = of_timing(data.flights[0].timing)
-        assert told.facts["delay_ms"] == pytest.approx(100.0, abs=3.0)
+        assert told.kind is Kind.LATE_POSITION and told.facts["delay_ms"] == pytest.approx(100.0, abs=3.0)
         assert 90.0 < told.facts["low_ms"] < 100.0 < told.facts["high_ms"]
 
 
