@@ -54,7 +54,7 @@ class Kind(StrEnum):
     USUAL = "usual"
     """`effect`, `parameters`, `p`."""
     LATE_POSITION = "late position"
-    """`delay_ms`, `low_ms`, `high_ms`."""
+    """`delay_ms`, `low_ms`, `high_ms`; `usual_ms` of usual positions."""
     LATE_OR_LAGGING = "late position or motor lag"
     """The same."""
     ATTITUDE_OFF = "attitude off"

@@ -60,7 +60,8 @@ TEMPLATES: Mapping[Kind, Template] = {
     Kind.LATE_POSITION: "The position comes {delay_ms:.0f} ms [{low_ms:.0f}, {high_ms:.0f}] after the rotors' signal, "
     "and no lag of the motors explains it: what brings or filters the position is slow. It has been taken out.",
     Kind.LATE_OR_LAGGING: "The force comes {delay_ms:.0f} ms [{low_ms:.0f}, {high_ms:.0f}] after the rotors' signal. "
-    "Of that, 40 ms are taken for a late position; the rest looks like a lag of the motors, and may be either.",
+    "Of that, {usual_ms:.0f} ms are taken for a late position; the rest looks like a lag of the motors, and may be "
+    "either.",
     Kind.ATTITUDE_OFF: "The attitude by motion capture is off by up to {largest_deg:.1f}° ({flights:leans}): the "
     "motion and the accelerometer agree on that. It has been taken out.",
     Kind.ATTITUDE_OR_TILT: "The attitude by motion capture is off, or the thrust is tilted, by up to "

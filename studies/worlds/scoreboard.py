@@ -176,7 +176,7 @@ published forms. A row is a world, its seed and the strength of the effects; 1 i
 
 """
 
-RELIABILITY = """Of the families named, those that are hidden, or not separable from a hidden one by these flights:
+RELIABILITY = """Share of the families named that are hidden, or not separable from a hidden one by these flights:
 """
 
 

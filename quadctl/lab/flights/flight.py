@@ -236,15 +236,13 @@ class Flight:
     def prompt_velocity(self, lag_s: float, filtered: bool) -> tuple[Floats, Floats, Floats]:
         """Velocity on the grid, north, east, up, m/s, shape (m,) each, with a lag taken out: it is read `lag_s` later,
         or what a first-order filter of that time constant has done to it is undone."""
-        north, east, up = self.velocity_neu
-        if not filtered:
-            return self.later(north, lag_s), self.later(east, lag_s), self.later(up, lag_s)
         lag_steps = lag_s / (self.grid_s[1] - self.grid_s[0])
-        return (
-            north + lag_steps * np.gradient(north),
-            east + lag_steps * np.gradient(east),
-            up + lag_steps * np.gradient(up),
-        )
+
+        def prompt(logged: Floats) -> Floats:
+            return logged + lag_steps * np.gradient(logged) if filtered else self.later(logged, lag_s)
+
+        north, east, up = self.velocity_neu
+        return prompt(north), prompt(east), prompt(up)
 
     def with_velocity_lag(self, lag_s: float, filtered: bool = False) -> "Flight":
         """Copy of the flight with the lag of its velocity taken out (see `prompt_velocity`)."""

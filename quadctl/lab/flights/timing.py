@@ -60,8 +60,6 @@ LEAST_SHARE = 0.1
 nothing is known of its time."""
 LEAST_MOTION_M_S2 = 1e-3
 """Least root mean square of a quick motion that tells of delays; less is rounding."""
-LEAST_LEFT = 1e-6
-"""Least sum of squares of a difference of velocities, (m/s)^2; less is rounding."""
 PROBE_S = 0.005
 """Step of the finite difference of the prediction over the delay."""
 
@@ -101,7 +99,7 @@ def of_timing(timing: Timing) -> list[Finding]:
         return []
     kind = Kind.LATE_POSITION if timing.earliest_s < timing.rotor.value else Kind.LATE_OR_LAGGING
     low, high = sorted(-1000.0 * end for end in timing.rotor.ci95)
-    late = {"delay_ms": -1000.0 * timing.rotor.value, "low_ms": low, "high_ms": high}
+    late = {"delay_ms": -1000.0 * timing.rotor.value, "low_ms": low, "high_ms": high, "usual_ms": 1000.0 * MOST_EARLY_S}
     return [Finding(kind, late)]
 
 
@@ -164,15 +162,12 @@ def _velocity_lags(flights: Sequence[Flight]) -> tuple[list[Estimate], bool]:
     """Lag of the velocity of each flight, and whether it is that of a first-order filter.
 
     It is where undoing a filter clearly leaves less of the difference from the derivative of the position than reading
-    the velocity later, which leaves it rounded. Each flight has a noise of its own, so that ratios of the sums of
-    squares are averaged.
+    the velocity later, which leaves it rounded: by the geometric mean of the ratios, as each flight has a noise of its
+    own.
     """
     by_delay, by_filter = ([_velocity_lag(flight, filtered) for flight in flights] for filtered in (False, True))
-    left = [
-        (of_filter + LEAST_LEFT) / (of_delay + LEAST_LEFT)
-        for (_, of_delay), (_, of_filter) in zip(by_delay, by_filter, strict=True)
-    ]
-    filtered = float(np.mean(np.log(left))) < math.log(CLEARLY)
+    ratios = [filtered / late for (_, late), (_, filtered) in zip(by_delay, by_filter, strict=True) if late > 0.0]
+    filtered = math.prod(ratios) < CLEARLY ** len(ratios)
     return [lag for lag, _ in (by_filter if filtered else by_delay)], filtered
 
 
